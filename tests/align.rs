@@ -118,13 +118,12 @@ fn a_misaligned_rig_calibrates_after_following_the_advice() {
         is_reversing: false,
     };
     let mut view = RigView::new(&mut devices, &rig).unwrap();
-    let mut report = AlignmentReport::new(&rig, None);
+    let mut report = AlignmentReport::new(&rig);
     let mut steps = 0;
     loop {
-        let (aim, seen) = view.measure_aim().unwrap();
-        report.add_aim(aim, seen);
+        report.add_aim(view.measure_aim().unwrap());
         report.add_brightness(view.measure_brightness().unwrap());
-        report.add_focus(&view.measure_focus().unwrap(), view.now_s());
+        report.add_focus(&view.measure_focus().unwrap());
         let advice = report.advice().remove(0);
         println!("{steps}: {advice}");
         if advice.action == Action::Focus(FocusTurn::Stay) {

@@ -34,8 +34,6 @@ const CLIPPED_MAX: f64 = 0.001;
 const FLICKER_MAX: f64 = 0.01;
 /// Largest change of light over all captures once the panel is warm. Guess.
 const DRIFT_MAX: f64 = 0.01;
-/// Largest light in the dark, as a share of the range. Guess.
-const LEAK_MAX: f64 = 0.001;
 /// Most sensor pixels per panel pixel: the panel must resolve all that the sensor resolves.
 const MAGNIFICATION_MAX: f64 = 1.0;
 /// Size of a well-placed panel in the picture over the sensor's.
@@ -135,16 +133,6 @@ impl Advice {
                  refreshes, and set the panel to its full brightness",
                 100.0 * share
             ),
-        )
-    }
-
-    /// Advice on light in the dark at each place, as shares of the range.
-    pub fn leaks(light: &[f64; PLACES]) -> Option<Advice> {
-        let leaking = names(light, |light| light > LEAK_MAX);
-        Advice::when(
-            !leaking.is_empty(),
-            Action::Other,
-            format!("light leaks in at the {leaking}: seal that seam with felt"),
         )
     }
 

@@ -3,7 +3,6 @@
 
 mod advice;
 mod dots;
-pub mod plan;
 mod pose;
 mod report;
 mod sharpness;
@@ -13,16 +12,17 @@ mod steadiness;
 mod tests;
 
 use crate::config::RigFile;
-use crate::frame::{Codes, Counts, Plane};
+use crate::frame::{Codes, Counts, Mosaic};
 use crate::patterns::{self, Trial};
 use crate::rig::RigError;
 use crate::rig::exposure::Devices;
+use crate::rig::shoot::clipped_share;
 
 pub use advice::{Action, Advice, FocusTurn};
 pub use pose::Aim;
 pub use report::AlignmentReport;
 pub use sharpness::{FocusHistory, Sharpness};
-pub use sites::{GreenSites, Histogram, PLACES};
+pub use sites::{GreenSites, PLACES};
 pub use steadiness::{GREYS, Steadiness};
 
 /// One reading of the focus pattern.
@@ -43,8 +43,6 @@ pub struct Brightness {
     pub white: f64,
     /// Light of each place over that of the brightest.
     pub places: [f64; PLACES],
-    /// Histogram of the counts.
-    pub histogram: Histogram,
     /// Exposure time.
     pub exposed_ms: f64,
 }
@@ -52,6 +50,7 @@ pub struct Brightness {
 /// A rig under alignment.
 pub struct RigView<'a> {
     devices: &'a mut Devices,
+    mosaic: Option<Mosaic>,
     sites: GreenSites,
     black: f64,
     count_max: u16,
@@ -59,8 +58,6 @@ pub struct RigView<'a> {
     dots: Codes,
     /// The last exposure of the focus pattern, while the panel shows it.
     last: Option<Counts>,
-    /// Whether the panel shows black.
-    is_black: bool,
 }
 
 impl<'a> RigView<'a> {
@@ -75,13 +72,13 @@ impl<'a> RigView<'a> {
         let (pattern, dots) = (sharpness::pattern(panel), dots::picture(panel));
         let mut view = RigView {
             devices,
+            mosaic: rig.mosaic(),
             sites,
             black: 0.0,
             count_max,
             pattern,
             dots,
             last: None,
-            is_black: false,
         };
         let dark = view.capture(&patterns::trial(panel, Trial::Black))?;
         view.black = sites.light(&dark, 0.0).mean();
@@ -96,10 +93,7 @@ impl<'a> RigView<'a> {
     pub fn measure_focus(&mut self) -> Result<FocusReading, RigError> {
         let first = match self.last.take() {
             Some(counts) => counts,
-            None => {
-                self.is_black = false;
-                self.devices.capture(&self.pattern)?.counts
-            }
+            None => self.devices.capture(&self.pattern)?.counts,
         };
         let second = self.devices.expose()?.counts;
         let (sharpness, light) = Sharpness::of(&first, &second, self.sites, self.black);
@@ -115,7 +109,7 @@ impl<'a> RigView<'a> {
     pub fn measure_brightness(&mut self) -> Result<Brightness, RigError> {
         let white = patterns::trial(self.devices.panel.size(), Trial::White);
         let counts = self.capture(&white)?;
-        let (histogram, clipped_share) = self.sites.histogram(&counts, self.count_max);
+        let clipped_share = clipped_share(&counts, self.mosaic, self.count_max);
         let light = self.sites.light(&counts, self.black);
         self.devices.camera.give_back(counts);
         let means = sites::means(&light);
@@ -124,46 +118,23 @@ impl<'a> RigView<'a> {
             clipped_share,
             white: brightest / self.range(),
             places: means.map(|mean| (mean / brightest).max(0.0)),
-            histogram,
             exposed_ms: self.devices.timing.exposure_ms,
         })
     }
 
-    /// Captures the dots: the position of the panel (`None` if its middle is not in view) and the
-    /// captured light, 0..1.
+    /// Captures the dots: the position of the panel; `None` if its middle is not in view.
     ///
     /// # Errors
     /// When the capture fails.
-    pub fn measure_aim(&mut self) -> Result<(Option<Aim>, Plane), RigError> {
+    pub fn measure_aim(&mut self) -> Result<Option<Aim>, RigError> {
         let panel = self.devices.panel.size();
-        self.forget_picture();
+        self.last = None;
         let counts = self.devices.capture(&self.dots)?.counts;
-        let mut light = self.sites.light(&counts, self.black);
+        let light = self.sites.light(&counts, self.black);
         let found = dots::find(&light, self.sites, self.range(), panel);
         let aim = found.and_then(|dots| Aim::of(&dots.pairs, dots.mirrored, panel, counts.size()));
         self.devices.camera.give_back(counts);
-        light.scale(1.0 / self.range() as f32);
-        Ok((aim, light))
-    }
-
-    /// Exposes black: the light at each place, as a share of the range.
-    ///
-    /// # Errors
-    /// When the capture fails.
-    pub fn measure_darkness(&mut self) -> Result<[f64; PLACES], RigError> {
-        let counts = match self.is_black {
-            true => self.devices.expose()?.counts,
-            false => self.capture(&patterns::trial(self.devices.panel.size(), Trial::Black))?,
-        };
-        self.is_black = true;
-        let light = self.sites.light(&counts, 0.0);
-        self.devices.camera.give_back(counts);
-        Ok(sites::means(&light).map(|mean| mean / self.range()))
-    }
-
-    /// Time on the rig's clock, seconds.
-    pub fn now_s(&self) -> f64 {
-        self.devices.clock.now().0
+        Ok(aim)
     }
 
     /// Counts between black and saturation.
@@ -171,14 +142,9 @@ impl<'a> RigView<'a> {
         (f64::from(self.count_max) - self.black).max(1.0)
     }
 
-    /// Notes that the panel no longer shows the focus pattern or black.
-    fn forget_picture(&mut self) {
-        (self.last, self.is_black) = (None, false);
-    }
-
     /// Captures `codes` in place of the focus pattern.
     fn capture(&mut self, codes: &Codes) -> Result<Counts, RigError> {
-        self.forget_picture();
+        self.last = None;
         Ok(self.devices.capture(codes)?.counts)
     }
 }

@@ -46,13 +46,6 @@ impl Aim {
         self.reserve_px.iter().all(|&reserve| reserve >= 0.0)
     }
 
-    /// Tilt that brings the panel's right and lower sides nearer, degrees, for an image
-    /// `image_distance_px` sensor pixels behind the lens on a sensor of `size`.
-    pub fn tilt_deg(&self, image_distance_px: f64, size: Size) -> [f64; 2] {
-        let across = [size.width, size.height].map(|pixels| pixels as f64);
-        [0, 1].map(|k| (self.keystone[k] * image_distance_px / across[k]).atan().to_degrees())
-    }
-
     /// Fits the position of a `panel` on a `sensor` to `pairs`; `None` if none fits.
     pub(super) fn of(pairs: &[SeenDot], mirrored: bool, panel: Size, sensor: Size) -> Option<Aim> {
         let map = Perspective::fit(pairs, panel, sensor)?;

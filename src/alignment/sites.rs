@@ -1,15 +1,11 @@
 //! The green sites of a sensor, and its division into nine places.
 
-use std::ops::RangeInclusive;
-
 use crate::frame::{Channel, Counts, Mosaic, Plane, Size};
 
 /// Places along a side of the sensor.
 const SIDE: usize = 3;
 /// Number of places.
 pub const PLACES: usize = SIDE * SIDE;
-/// Bins of a histogram.
-pub(super) const BINS: usize = 32;
 
 /// The place that contains column `x` and row `y`.
 pub(super) fn place_of(x: usize, y: usize, size: Size) -> usize {
@@ -88,54 +84,5 @@ impl GreenSites {
     pub(super) fn on_sensor(self, [x, y]: [f64; 2]) -> [f64; 2] {
         let step = self.step() as f64;
         [self.first_column() as f64 + x * step, y * step]
-    }
-
-    /// Calls `each` with every measured count: one per site behind filters, else three per pixel.
-    fn data(self, counts: &Counts, mut each: impl FnMut(u16)) {
-        let Some(mosaic) = self.mosaic else {
-            counts.planes().iter().flat_map(|plane| plane.data()).for_each(|&count| each(count));
-            return;
-        };
-        for y in 0..counts.size().height {
-            for phase in 0..2 {
-                let row = counts.plane(mosaic.colour_at(phase, y)).row(y);
-                row.iter().skip(phase).step_by(2).for_each(|&count| each(count));
-            }
-        }
-    }
-
-    /// Histogram of the measured counts up to `count_max`, and the saturated share.
-    pub fn histogram(self, counts: &Counts, count_max: u16) -> (Histogram, f64) {
-        let mut bins = [0u64; BINS];
-        let (mut full, mut all) = (0u64, 0u64);
-        let width = (usize::from(count_max) + 1).div_ceil(BINS);
-        self.data(counts, |count| {
-            full += u64::from(count >= count_max);
-            all += 1;
-            bins[(usize::from(count) / width).min(BINS - 1)] += 1;
-        });
-        (Histogram(bins), full as f64 / all.max(1) as f64)
-    }
-}
-
-/// Number of counts in each of [`BINS`] equal parts of the camera's range.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Histogram(pub [u64; BINS]);
-
-impl Histogram {
-    /// Heights of the bins relative to the highest, 0..1.
-    fn heights(&self) -> [f64; BINS] {
-        let most = self.0.iter().copied().max().unwrap_or(0).max(1) as f64;
-        self.0.map(|count| count as f64 / most)
-    }
-
-    /// The histogram as a line of block characters, one per bin.
-    pub fn line(&self) -> String {
-        const BLOCKS: RangeInclusive<char> = '\u{2581}'..='\u{2588}';
-        let block = |height: f64| match height {
-            0.0 => ' ',
-            height => BLOCKS.clone().nth((height * 7.99) as usize).unwrap_or(*BLOCKS.end()),
-        };
-        self.heights().into_iter().map(block).collect()
     }
 }

@@ -94,7 +94,7 @@ impl RigView<'_> {
         &mut self,
         rig: &RigFile,
     ) -> Result<Option<Linearity>, CalibrateError> {
-        self.forget_picture();
+        self.last = None;
         measurement::measure_linearity(self.devices, rig)
     }
 }

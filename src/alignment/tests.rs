@@ -19,7 +19,7 @@ fn rig(change: impl FnOnce(&mut config::Simulation)) -> RigFile {
 
 fn aim_of(rig: &RigFile) -> Option<Aim> {
     let (mut devices, _) = simulated::open(rig).unwrap();
-    RigView::new(&mut devices, rig).unwrap().measure_aim().unwrap().0
+    RigView::new(&mut devices, rig).unwrap().measure_aim().unwrap()
 }
 
 #[test]
@@ -61,25 +61,27 @@ fn a_well_aligned_rig_gets_no_advice_and_its_aim_equals_its_pose() {
     let light = RigView::new(&mut devices, &rig).unwrap().measure_brightness().unwrap();
     println!("{light:?}");
     assert_eq!(light.advice(rig.panel.refresh_hz), []);
-    // All data of a white panel are bright.
-    assert_eq!(light.histogram.0.iter().sum::<u64>(), sensor.area() as u64);
-    assert_eq!(light.histogram.0[..10].iter().sum::<u64>(), 0, "{:?}", light.histogram);
+    assert!(light.clipped_share < 1e-3 && light.white > 0.6, "{light:?}");
 }
 
 #[test]
-fn tilt_shows_as_keystone_and_in_degrees_for_a_known_lens() {
+fn tilt_shows_as_keystone() {
     for (tilt_x_deg, tilt_y_deg) in [(0.0, 0.0), (3.0, -2.0), (-1.0, 4.0)] {
         let rig = rig(|simulation| {
             simulation.pose.tilt_x_deg = tilt_x_deg;
             simulation.pose.tilt_y_deg = tilt_y_deg;
         });
         let aim = aim_of(&rig).unwrap();
-        let [right, below] = aim.tilt_deg(75.0 * 1000.0 / 40.0, rig.photo_grid().sensor);
+        // The lens's image lies 75 mm behind it, on sites of 40 µm.
+        let sensor = rig.photo_grid().sensor;
+        let tilt = |keystone: f64, side: usize| (keystone * 1875.0 / side as f64).atan();
+        let right = tilt(aim.keystone[0], sensor.width).to_degrees();
+        let below = tilt(aim.keystone[1], sensor.height).to_degrees();
         println!("{tilt_x_deg} {tilt_y_deg}: {right:.2} {below:.2}, {:?}", aim.keystone);
         // tilt-y brings the right side nearer, tilt-x moves the lower side away.
         assert!((right - tilt_y_deg).abs() < 0.4 && (below + tilt_x_deg).abs() < 0.4, "{aim:?}");
-        let mut report = AlignmentReport::new(&rig, None);
-        report.add_aim(Some(aim), Plane::zeros(rig.photo_grid().sensor));
+        let mut report = AlignmentReport::new(&rig);
+        report.add_aim(Some(aim));
         let lines = report.lines().join("\n");
         for (tilt, side) in [(tilt_y_deg, "on the right"), (-tilt_x_deg, "below")] {
             let how = if tilt > 0.0 { "nearer" } else { "farther" };
@@ -124,24 +126,16 @@ fn advice_covers_rotation_tilt_and_darkness() {
     });
     let (mut devices, _) = simulated::open(&crooked).unwrap();
     let mut view = RigView::new(&mut devices, &crooked).unwrap();
-    let mut report = AlignmentReport::new(&crooked, Some(75.0 * 1000.0 / 40.0));
-    let (aim, seen) = view.measure_aim().unwrap();
-    report.add_aim(aim, seen);
+    let mut report = AlignmentReport::new(&crooked);
+    report.add_aim(view.measure_aim().unwrap());
     report.add_brightness(view.measure_brightness().unwrap());
-    report.add_focus(&view.measure_focus().unwrap(), view.now_s());
+    report.add_focus(&view.measure_focus().unwrap());
     let lines = report.lines().join("\n");
     println!("{lines}");
     assert!(lines.contains("px left") && lines.contains("anticlockwise"), "{lines}");
     assert!(lines.contains("left side of the panel") && lines.contains("the sensor sees past it"));
     // White of 0.2 times 1.15 at 50 ms is 0.8 at 174; refreshes take 16.7 ms.
     assert!(lines.contains("white is too dark") && lines.contains("exposure-ms = 1"), "{lines}");
-    let page = report.page("seen.png");
-    assert_eq!(page.matches(" of 100</text>").count(), PLACES);
-    assert!(page.contains("<li>rotate the panel in the picture") && page.ends_with("</html>\n"));
-    let picture = report.picture().unwrap();
-    // Half of the sensor's 288 by 224, for one phase of green.
-    assert_eq!(picture.size(), Size::new(144, 112));
-
     assert_eq!(aim_of(&rig(|simulation| simulation.pose.shift_x_px = 1000.0)), None);
 }
 
@@ -174,13 +168,7 @@ fn advice_distinguishes_a_panel_too_far_too_near_or_too_coarse() {
 #[test]
 fn exposures_are_whole_refreshes_and_too_bright_a_panel_is_dimmed() {
     let seen = |white: f64, clipped_share: f64, exposed_ms: f64| {
-        let light = Brightness {
-            clipped_share,
-            white,
-            places: [1.0; PLACES],
-            histogram: Histogram([0; 32]),
-            exposed_ms,
-        };
+        let light = Brightness { clipped_share, white, places: [1.0; PLACES], exposed_ms };
         light.advice(60.0)
     };
     let exposure = |rows: Vec<Advice>| match rows[..] {
@@ -240,25 +228,4 @@ fn flicker_and_bent_counts_are_measured() {
     assert!((bent.ratios[1] / 3f64.powf(0.6) - 1.0).abs() < 0.02, "{bent:?}");
     assert!(Advice::linearity(&bent).is_some());
     assert_eq!(flickering.advice().len(), 1, "{flickering:?}");
-}
-
-#[test]
-fn a_leak_of_light_is_found_and_noise_is_not() {
-    let rig = rig(|_| {});
-    let (mut devices, witness) = simulated::open(&rig).unwrap();
-    let mut view = RigView::new(&mut devices, &rig).unwrap();
-    let dark = view.measure_darkness().unwrap();
-    let more = |now: [f64; PLACES]| std::array::from_fn::<f64, PLACES, _>(|n| now[n] - dark[n]);
-    for _ in 0..5 {
-        assert_eq!(Advice::leaks(&more(view.measure_darkness().unwrap())), None);
-    }
-    // Half a grey level of 255.
-    let ambient = rig.simulation().unwrap().sensor.ambient_levels;
-    witness.set_ambient_levels(ambient.map(|level| level + 0.5));
-    let leaking = Advice::leaks(&more(view.measure_darkness().unwrap()));
-    assert!(leaking.is_some_and(|advice| advice.to_string().contains("upper left, upper middle")));
-    // Readings in between do not disturb it.
-    view.measure_focus().unwrap();
-    witness.set_ambient_levels(ambient);
-    assert_eq!(Advice::leaks(&more(view.measure_darkness().unwrap())), None);
 }

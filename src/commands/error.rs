@@ -120,27 +120,12 @@ impl CliError {
             Remedy::Recalibrate | Remedy::ReopenRig | Remedy::CallOperator => 3,
         };
         match self {
-            CliError::RigFile(_)
-            | CliError::NotSimulated(_)
-            | CliError::NoFilters(_)
-            | CliError::NoScene(_)
-            | CliError::FixedExposure
-            | CliError::FixedGain
-            | CliError::NotDark(_)
-            | CliError::PastInfinity(_)
-            | CliError::Taken(_)
-            | CliError::NoFolder(_)
-            | CliError::Format(_)
-            | CliError::NobodyThere(_)
-            | CliError::BrokenState(_)
-            | CliError::NoSuchFolder(_)
-            | CliError::OneReport(_)
-            | CliError::NoState(_) => 2,
             CliError::Writing(..) | CliError::StandardInput(_) | CliError::SomeFailed { .. } => 1,
             CliError::Signals(_) | CliError::NothingScored | CliError::Faults(_) => 3,
             CliError::Folder(error) => of(error.remedy()),
             CliError::Failed(error) => of(error.remedy()),
             CliError::OfPhoto(_, error) => error.exit_code(),
+            _ => 2,
         }
     }
 

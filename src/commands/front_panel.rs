@@ -6,15 +6,12 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
 
 use relens::config::{Kind, RigFile};
-use relens::kiosk::attend::{ButtonTiming, attend};
+use relens::kiosk::attend::attend;
 use relens::kiosk::front_panel::FrontPanel;
 use relens::rig::monotonic::Monotonic;
 use relens::rig::{Clock, Moment};
 
 use super::press::SimulatedButton;
-
-/// Debounce time of a simulated button, which does not bounce.
-const SIMULATED_DEBOUNCE_MS: f64 = 20.0;
 
 /// Longest wait for the loop to end, seconds; it iterates many times a second. Guess.
 const END_S: f64 = 2.0;
@@ -59,72 +56,30 @@ impl Drop for FrontPanelThread {
 }
 
 fn run(rig: &RigFile, folder: &Path, front: &FrontPanel, ended: &dyn Fn() -> bool) {
-    let long_press_ms = rig.run.long_press_ms;
     match &rig.kind {
         Kind::Simulated(_) => {
             let mut button = SimulatedButton::new(folder);
-            let timing = ButtonTiming { debounce_ms: SIMULATED_DEBOUNCE_MS, long_press_ms };
-            attend(front, Some(&mut button), &mut (), &Monotonic, timing, ended);
+            attend(front, Some(&mut button), &mut (), &Monotonic, ended);
         }
         #[cfg(feature = "hardware")]
-        Kind::Hardware(hardware) => board::run(hardware, long_press_ms, front, ended),
+        Kind::Hardware(hardware) => run_on_board(hardware, front, ended),
         #[cfg(not(feature = "hardware"))]
         Kind::Hardware(_) => {}
     }
 }
 
+/// Runs with those of button and lamps that the board has and that can be opened.
 #[cfg(feature = "hardware")]
-mod board {
-    use relens::config::Hardware;
-    use relens::kiosk::attend::{self, ButtonTiming, attend};
-    use relens::kiosk::front_panel::FrontPanel;
-    use relens::kiosk::lamp::LampColour;
-    use relens::remedy::full_message;
-    use relens::rig::lamps::Lamp;
-    use relens::rig::monotonic::Monotonic;
-    use relens::rig::{Moment, RigError, button, hardware, lamps};
+fn run_on_board(parts: &relens::config::Hardware, front: &FrontPanel, ended: &dyn Fn() -> bool) {
+    use relens::kiosk::attend::{ButtonLevel, LampRow};
+    use relens::rig::hardware::{open_button, open_lamps};
 
-    struct BoardButton(button::Button);
-
-    impl attend::ButtonLevel for BoardButton {
-        fn level_by(&mut self, deadline: Moment) -> Result<bool, RigError> {
-            self.0.level_by(deadline)
-        }
-    }
-
-    struct BoardLamps(lamps::Lamps);
-
-    impl attend::LampRow for BoardLamps {
-        fn show(&mut self, lit: &[LampColour]) -> Result<(), RigError> {
-            let lamp = |light: &LampColour| match light {
-                LampColour::Green => Lamp::Ready,
-                LampColour::White => Lamp::Busy,
-                LampColour::Red => Lamp::Trouble,
-            };
-            self.0.show(&lit.iter().map(lamp).collect::<Vec<_>>())
-        }
-    }
-
-    /// Runs with those of button and lamps that the board has and that can be opened.
-    pub(super) fn run(
-        parts: &Hardware,
-        long_press_ms: f64,
-        front: &FrontPanel,
-        ended: &dyn Fn() -> bool,
-    ) {
-        let warn = |error: RigError| log::warn!("{}", full_message(&error));
-        let mut bulbs = hardware::open_lamps(&parts.lamps).map(BoardLamps).map_err(warn).ok();
-        let button = parts.button.as_ref();
-        let mut line =
-            button.and_then(|b| hardware::open_button(b).map_err(warn).ok()).map(BoardButton);
-        let debounce_ms = parts.button.as_ref().map_or(30.0, |button| button.debounce_ms);
-        let timing = ButtonTiming { debounce_ms, long_press_ms };
-        let button = line.as_mut().map(|line| line as &mut dyn attend::ButtonLevel);
-        let mut none = ();
-        let lamps: &mut dyn attend::LampRow = match &mut bulbs {
-            Some(bulbs) => bulbs,
-            None => &mut none,
-        };
-        attend(front, button, lamps, &Monotonic, timing, ended);
-    }
+    let warn = |error| log::warn!("{}", relens::remedy::full_message(&error));
+    let mut lamps: Box<dyn LampRow> = match open_lamps(&parts.lamps).map_err(warn) {
+        Ok(lamps) => Box::new(lamps),
+        Err(()) => Box::new(()),
+    };
+    let mut button = parts.button.as_ref().and_then(|line| open_button(line).map_err(warn).ok());
+    let button = button.as_mut().map(|button| button as &mut dyn ButtonLevel);
+    attend(front, button, &mut *lamps, &Monotonic, ended);
 }

@@ -20,7 +20,6 @@ mod progress;
 mod restore;
 mod run;
 mod scene;
-mod screens;
 mod service;
 mod shoot;
 mod signals;
@@ -30,8 +29,7 @@ use std::ffi::{OsStr, OsString};
 use std::io::Write;
 use std::process::ExitCode;
 
-use clap::CommandFactory;
-use clap::error::ErrorKind;
+use clap::{CommandFactory, Parser};
 use relens::daemon::log_writer;
 use relens::picture::worker;
 
@@ -44,9 +42,13 @@ pub(crate) fn run(words: Vec<OsString>) -> ExitCode {
     if words.get(1).is_some_and(|word| word == worker::WORD) {
         return read_photo(words.get(2).map_or(OsStr::new(""), OsString::as_os_str));
     }
-    let line = match arguments::read(&words) {
+    let line = match CommandLine::try_parse_from(words) {
         Ok(line) => line,
-        Err(error) => return print_help_or_error(&error, &words),
+        Err(help_or_error) => {
+            // A closed output is ignored.
+            let _ = help_or_error.print();
+            return ExitCode::from(help_or_error.exit_code() as u8);
+        }
     };
     let level = match (line.verbose, line.quiet) {
         (true, _) => log::LevelFilter::Debug,
@@ -79,21 +81,6 @@ pub(crate) fn run(words: Vec<OsString>) -> ExitCode {
     }
 }
 
-/// Prints a help page, or the error in the command line.
-fn print_help_or_error(error: &clap::Error, words: &[OsString]) -> ExitCode {
-    match error.kind() {
-        ErrorKind::DisplayHelp | ErrorKind::DisplayVersion => {
-            say(error.to_string().trim_end());
-            return ExitCode::SUCCESS;
-        }
-        ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand => {
-            let _ = write!(std::io::stderr(), "{error}");
-        }
-        _ => print_error(&arguments::error_message(error, words)),
-    }
-    ExitCode::from(2)
-}
-
 /// Runs as a worker of the daemon, which prints nothing.
 fn read_photo(ask: &OsStr) -> ExitCode {
     match worker::serve(&ask.to_string_lossy()) {
@@ -117,7 +104,6 @@ fn dispatch(line: &CommandLine) -> Result<(), CliError> {
         Command::Align(options) => align::run(options),
         Command::Check(options) => check::run(options),
         Command::Status(options) => status::run(options),
-        Command::Screens(options) => screens::run(options),
         Command::Press(options) => press::run(options),
         Command::Completions(options) => manual::completions(options, CommandLine::command()),
         Command::Man(options) => manual::man(options, CommandLine::command()),

@@ -8,9 +8,6 @@ table! {
     pub struct RunTable {
         /// Event that starts a restoration.
         mode: Mode, Word(Mode::WORDS), Means("\"folder\"");
-        /// Duration of a long press, which cancels a job, starts a calibration in maintenance, and
-        /// starts maintenance when the box is switched on. Guess.
-        long_press_ms: f64, Fixed, Means("1500.0");
         /// Delay from press to shutter, where the box takes the photo: vibrations decay, and a
         /// second press cancels. The default is a guess.
         countdown_s: f64, Number(0.0, 60.0), Means("2.0");
@@ -57,19 +54,9 @@ table! {
         /// Photos between two pilot pictures. One is taken before the first and one after the last
         /// photo, too.
         pilot_every_photos: usize, Whole(1, 100_000), Means("50");
-        /// Limit of the wait for a steady rig, in minutes. Guess.
-        warm_up_max_min: f64, Fixed, Means("60.0");
         /// Whether a drifted rig is calibrated again and photos since the last good pilot are
         /// restored again. Otherwise the night stops.
         recalibrate: bool, Truth, Never;
-        /// Limit of the pilot's displacement in sensor pixels. Guess.
-        shift_max_px: f64, Fixed, Means("0.25");
-        /// Limit of its change in brightness, per cent. Guess.
-        gain_max_percent: f64, Fixed, Means("3.0");
-        /// Limit of its change in added light, grey levels. Guess.
-        offset_max_levels: f64, Fixed, Means("1.0");
-        /// Limit of its noise as a multiple of the calibration's. Guess.
-        noise_max_ratio: f64, Fixed, Means("1.5");
     }
 }
 

@@ -22,7 +22,7 @@ table! {
         /// Start of an exposure.
         trigger: TriggerDevice, ByKind(TriggerDevice::KINDS), Never;
         /// Start button.
-        button: Option<ButtonDevice>, Table(&ButtonDevice::TABLE), Says("the box has none");
+        button: Option<GpioLine>, Table(&GpioLine::TABLE), Says("the box has none");
         /// Lamps.
         lamps: LampDevices, Table(&LampDevices::TABLE), Means("{}");
     }
@@ -77,6 +77,17 @@ table! {
     }
 }
 
+impl Hardware {
+    /// Width of a trigger pulse: the exposure where the pulse sets that, else 1 ms, which is long
+    /// beside the 20 µs of an opto-coupler.
+    pub fn pulse_us(&self, exposure_ms: f64) -> u32 {
+        match self.camera.exposure_by {
+            ExposureBy::Pulse => (exposure_ms * 1e3).round() as u32,
+            ExposureBy::Control | ExposureBy::Elsewhere => 1000,
+        }
+    }
+}
+
 impl V4l2Device {
     /// Checks the rules across keys.
     pub(super) fn check(&self, places: &Places) -> Result<(), ConfigError> {
@@ -128,12 +139,13 @@ words! {
 
 table! {
     /// A GPIO line by stable names.
+    @[derive(Eq)]
     pub struct GpioLine {
         /// Label of the chip (`gpiodetect`), not its number.
         chip: String, Text, Never;
         /// Name of the line (`gpioinfo`).
         line: String, Text, Never;
-        /// Level that means "on".
+        /// Level that means "on" or "pressed", or that of the pulse.
         active: Level, Word(Level::WORDS), Never;
     }
 }
@@ -153,51 +165,22 @@ words! {
 #[serde(rename_all = "kebab-case", tag = "kind")]
 pub enum TriggerDevice {
     /// A pulse on an output line.
-    Line(PulseLine),
+    Line(GpioLine),
     /// None: the camera runs free.
     FreeRunning(FreeRunningKeys),
 }
 
 impl TriggerDevice {
     const KINDS: &'static [KindKeys] = &[
-        KindKeys { word: "line", keys: &PulseLine::TABLE },
+        KindKeys { word: "line", keys: &GpioLine::TABLE },
         KindKeys { word: "free-running", keys: &FreeRunningKeys::TABLE },
     ];
-}
-
-table! {
-    /// A pulse on an output line that starts the exposure.
-    @[derive(Eq)]
-    pub struct PulseLine {
-        /// Label of the chip.
-        chip: String, Text, Never;
-        /// Name of the line.
-        line: String, Text, Never;
-        /// Level of the pulse.
-        active: Level, Word(Level::WORDS), Never;
-        /// Width of the pulse: the exposure, or 1 ms where that is set elsewhere.
-        pulse_us: u32, Fixed, Says("computed");
-    }
 }
 
 table! {
     /// A free-running camera: the first frame exposed after the picture has settled is used.
     @[derive(Eq)]
     pub struct FreeRunningKeys {}
-}
-
-table! {
-    /// Start button on a GPIO line.
-    pub struct ButtonDevice {
-        /// Label of the chip.
-        chip: String, Text, Never;
-        /// Name of the line.
-        line: String, Text, Never;
-        /// Level that means "pressed".
-        active: Level, Word(Level::WORDS), Never;
-        /// Time that a level must hold: longer than contacts bounce. Guess.
-        debounce_ms: f64, Fixed, Means("30.0");
-    }
 }
 
 table! {

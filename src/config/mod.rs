@@ -25,8 +25,8 @@ pub use appliance::{
 };
 pub use error::ConfigError;
 pub use hardware::{
-    ButtonDevice, ExposureBy, FreeRunningKeys, GpioLine, Hardware, LampDevices, Level, PanelDevice,
-    PulseLine, Stamps, TriggerDevice, V4l2Device,
+    ExposureBy, FreeRunningKeys, GpioLine, Hardware, LampDevices, Level, PanelDevice, Stamps,
+    TriggerDevice, V4l2Device,
 };
 pub use media::{MediaGraph, MediaLink, PadFormat, bus_format, bus_format_name, entity_and_pad};
 pub use method_name::MethodName;
@@ -40,11 +40,10 @@ pub use simulation::{
     SensorCurve, SensorTable, Simulation, Subpixels, Surround, Uneven, Unrest,
 };
 pub use spectra::{Primaries, SpectralLight, Wavelength};
-pub use written::edit_distance;
 
 use std::path::Path;
 
-use crate::frame::Size;
+use strsim::levenshtein;
 
 /// The built-in rig files by name.
 const BUILT_IN: [(&str, &str); 8] = [
@@ -69,32 +68,9 @@ pub fn built_in_names() -> impl Iterator<Item = &'static str> {
 /// # Errors
 /// When the file cannot be read, is not TOML, has an unknown or missing key, or breaks a rule.
 pub fn load(path: &Path) -> Result<RigFile, ConfigError> {
-    load_with(path, parse)
-}
-
-/// Pixels of panel and sensor of a rig file, whether or not this program can drive the rig.
-///
-/// # Errors
-/// When the file cannot be read, is not TOML, or has an unknown or missing key.
-pub fn sizes(path: &Path) -> Result<[Size; 2], ConfigError> {
-    load_with(path, |text, name| {
-        let (tables, _) = written::read(text, name)?;
-        Ok([tables.panel.size(), tables.camera.size()])
-    })
-}
-
-/// Finds the rig file `path` and applies `read` to its text and name.
-fn load_with<T>(
-    path: &Path,
-    read: impl Fn(&str, &str) -> Result<T, ConfigError>,
-) -> Result<T, ConfigError> {
     match std::fs::read_to_string(path) {
-        Ok(text) => read(&text, &path.display().to_string()),
+        Ok(text) => parse(&text, &path.display().to_string()),
         Err(source) => {
-            if source.kind() == std::io::ErrorKind::InvalidData {
-                let source = std::io::Error::other("found bytes that are not UTF-8, allowed text");
-                return Err(ConfigError::Read { path: path.to_owned(), source });
-            }
             if source.kind() != std::io::ErrorKind::NotFound {
                 return Err(ConfigError::Read { path: path.to_owned(), source });
             }
@@ -102,7 +78,7 @@ fn load_with<T>(
                 path == Path::new(name) || path == Path::new(name.trim_end_matches(".toml"))
             };
             match BUILT_IN.iter().find(|(name, _)| is_named(name)) {
-                Some((name, text)) => read(text, name),
+                Some((name, text)) => parse(text, name),
                 None => {
                     let names = built_in_names().collect::<Vec<_>>().join(", ");
                     let near = near(path);
@@ -117,7 +93,7 @@ fn load_with<T>(
 fn near(path: &Path) -> String {
     let found = path.to_string_lossy();
     let distance = |name: &str| {
-        edit_distance(&found, name).min(edit_distance(&found, name.trim_end_matches(".toml")))
+        levenshtein(&found, name).min(levenshtein(&found, name.trim_end_matches(".toml")))
     };
     match built_in_names().min_by_key(|name| distance(name)) {
         Some(name) if distance(name) <= found.len() / 3 => format!("; did you mean {name}?"),

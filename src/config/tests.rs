@@ -3,6 +3,7 @@
 use super::keys::{Allowed, Key, KindKeys, LeftOut, TableKeys};
 use super::places::joined;
 use super::*;
+use crate::frame::Size;
 
 /// `small.toml`.
 const SMALL: &str = BUILT_IN[2].1;

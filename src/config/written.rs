@@ -1,6 +1,7 @@
 //! Parsing: checks each key and value by its declaration ([`keys`](super::keys)) and fills in
 //! defaults and computed values.
 
+use strsim::levenshtein;
 use toml::Value;
 
 use super::appliance::{DiskTable, Keep, Nights, RunTable};
@@ -19,9 +20,6 @@ use super::spectra::SpectralLight;
 
 const NOT_HARDWARE: &str = "the rig is not made of hardware";
 const NOT_SIMULATED: &str = "the rig is not simulated";
-/// Width of a trigger pulse that does not set the exposure: long beside the 20 µs of an
-/// opto-coupler.
-const TRIGGER_PULSE_US: i64 = 1000;
 /// Deadline of a frame in exposures, where the file gives none. Guess.
 const DEADLINE_EXPOSURES: f64 = 10.0;
 /// Side of a patch of the paper, and the width of the photo that it is for (§4.1), in pixels.
@@ -195,8 +193,8 @@ fn complete_kind(
 
 /// A hint that names the nearest of `names` to `key`, or lists them all.
 fn nearest(key: &str, names: &[String]) -> String {
-    match names.iter().min_by_key(|name| edit_distance(key, name)) {
-        Some(name) if edit_distance(key, name) <= key.len().max(name.len()) / 2 => {
+    match names.iter().min_by_key(|name| levenshtein(key, name)) {
+        Some(name) if levenshtein(key, name) <= key.len().max(name.len()) / 2 => {
             format!("the nearest known one is `{name}`")
         }
         _ => format!("known here are {}", names.join(", ")),
@@ -226,7 +224,6 @@ fn derive(whole: &mut toml::Table) {
     set_if_missing(whole, "paper", "patch-px", patch_px.clamp(4, PATCH_PX).into());
     let radius_px = whole_of(whole, "calibration", "function-support-px") / 2;
     set_if_missing(whole, "paper", "margin-px", radius_px.into());
-    derive_pulse(whole, exposure_ms);
     derive_simulation(whole);
 }
 
@@ -241,20 +238,6 @@ fn derive_geometry(whole: &mut toml::Table) {
         set_if_missing(whole, "photo", size, photo_px.into());
         let photo_px = whole_of(whole, "photo", size);
         set_if_missing(whole, "camera", place, ((sensor_px - photo_px).max(0) / 2).into());
-    }
-}
-
-/// Width of the trigger pulse, which is the exposure where the pulse sets that.
-fn derive_pulse(whole: &mut toml::Table, exposure_ms: f64) {
-    let Some(hardware) = whole.get_mut("hardware").and_then(Value::as_table_mut) else { return };
-    let exposure_by = hardware.get("camera").and_then(|camera| camera.get("exposure-by"));
-    let pulse_us = match exposure_by.and_then(Value::as_str) {
-        Some("pulse") => (exposure_ms * 1e3).round() as i64,
-        _ => TRIGGER_PULSE_US,
-    };
-    let trigger = hardware.get("trigger").and_then(|trigger| trigger.get("kind"));
-    if trigger.and_then(Value::as_str) == Some("line") {
-        set_if_missing(hardware, "trigger", "pulse-us", pulse_us.into());
     }
 }
 
@@ -307,32 +290,5 @@ fn number_of(whole: &toml::Table, table: &str, key: &str) -> f64 {
 fn set_if_missing(whole: &mut toml::Table, table: &str, key: &str, value: Value) {
     if let Some(Value::Table(table)) = whole.get_mut(table) {
         table.entry(key).or_insert(value);
-    }
-}
-
-/// Edit distance (Levenshtein 1966) between two words.
-pub fn edit_distance(a: &str, b: &str) -> usize {
-    let b: Vec<char> = b.chars().collect();
-    let mut row: Vec<usize> = (0..=b.len()).collect();
-    for (i, x) in a.chars().enumerate() {
-        let mut diagonal = std::mem::replace(&mut row[0], i + 1);
-        for (j, &y) in b.iter().enumerate() {
-            let change = diagonal + usize::from(x != y);
-            diagonal = row[j + 1];
-            row[j + 1] = change.min(diagonal + 1).min(row[j] + 1);
-        }
-    }
-    row[b.len()]
-}
-
-#[cfg(test)]
-mod tests {
-    use super::edit_distance;
-
-    #[test]
-    fn edit_distance_counts_insertions_deletions_and_substitutions() {
-        assert_eq!(edit_distance("kitten", "sitting"), 3);
-        assert_eq!(edit_distance("", "abc"), 3);
-        assert_eq!(edit_distance("settle-ms", "settle-ms"), 0);
     }
 }

@@ -9,6 +9,8 @@ mod channel;
 mod coding;
 pub mod instructions;
 mod mosaic;
+#[cfg(test)]
+#[path = "../../tests/golden/npy.rs"]
 mod npy;
 mod once;
 mod plane;
@@ -18,7 +20,8 @@ mod space;
 pub use channel::{Channel, Channels};
 pub use coding::{BLOCK_AREA, BLOCK_PX, CodedComponent, Coding};
 pub use mosaic::{Mosaic, RawSites};
-pub use npy::{NpyError, npy_f32, read_npy_f32};
+#[cfg(test)]
+pub(crate) use npy::read_npy_f32;
 pub use once::once;
 pub use plane::{PhotoGrid, Plane, Rect, Size};
 pub use space::{Codes, Counts, Frame, PanelSpace, SensorSpace, Work};

@@ -1,9 +1,9 @@
 //! The loop of the front panel, on its own thread: reads the button and drives the lamps.
 
 use super::front_panel::FrontPanel;
-use super::lamp::{self, LampColour};
-use super::press::Presses;
-use crate::rig::{Clock, Moment, RigError};
+use super::lamp;
+use super::press::{DEBOUNCE_MS, LONG_PRESS_MS, Presses};
+use crate::rig::{Clock, Lamp, Moment, RigError};
 
 /// Longest delay from a change of state to the lamps.
 const POLL_S: f64 = 0.05;
@@ -27,23 +27,28 @@ pub trait LampRow {
     ///
     /// # Errors
     /// When a line cannot be set.
-    fn show(&mut self, lit: &[LampColour]) -> Result<(), RigError>;
+    fn show(&mut self, lit: &[Lamp]) -> Result<(), RigError>;
+}
+
+#[cfg(feature = "hardware")]
+impl ButtonLevel for crate::rig::button::Button {
+    fn level_by(&mut self, deadline: Moment) -> Result<bool, RigError> {
+        crate::rig::button::Button::level_by(self, deadline)
+    }
+}
+
+#[cfg(feature = "hardware")]
+impl LampRow for crate::rig::lamps::Lamps {
+    fn show(&mut self, lit: &[Lamp]) -> Result<(), RigError> {
+        crate::rig::lamps::Lamps::show(self, lit)
+    }
 }
 
 /// A box without lamps.
 impl LampRow for () {
-    fn show(&mut self, _: &[LampColour]) -> Result<(), RigError> {
+    fn show(&mut self, _: &[Lamp]) -> Result<(), RigError> {
         Ok(())
     }
-}
-
-/// Timing of the button.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ButtonTiming {
-    /// Time a level must hold to count.
-    pub debounce_ms: f64,
-    /// Duration of a long press.
-    pub long_press_ms: f64,
 }
 
 /// Serves button and lamps until `ended` returns true, then switches the lamps off. A failure is
@@ -53,12 +58,11 @@ pub fn attend(
     mut button: Option<&mut (dyn ButtonLevel + '_)>,
     lamps: &mut dyn LampRow,
     clock: &dyn Clock,
-    timing: ButtonTiming,
     ended: &dyn Fn() -> bool,
 ) {
-    let mut presses = Presses::new(timing.debounce_ms, timing.long_press_ms, clock.now());
+    let mut presses = Presses::new(DEBOUNCE_MS, LONG_PRESS_MS, clock.now());
     let (mut state, mut since) = (panel.state(), clock.now());
-    let mut shown: Option<&[LampColour]> = None;
+    let mut shown: Option<&[Lamp]> = None;
     let (mut lamp_failed, mut button_failed) = (false, false);
     while !ended() {
         panel.count_round();
@@ -141,9 +145,9 @@ mod tests {
         }
     }
 
-    struct LampRecord<'a>(&'a TestClock, &'a RefCell<Vec<(f64, Vec<LampColour>)>>);
+    struct LampRecord<'a>(&'a TestClock, &'a RefCell<Vec<(f64, Vec<Lamp>)>>);
     impl LampRow for LampRecord<'_> {
-        fn show(&mut self, lit: &[LampColour]) -> Result<(), RigError> {
+        fn show(&mut self, lit: &[Lamp]) -> Result<(), RigError> {
             self.1.borrow_mut().push((self.0.0.get(), lit.to_vec()));
             Ok(())
         }
@@ -154,12 +158,11 @@ mod tests {
         changes: &[(f64, bool)],
         edges_lost: bool,
         until_s: f64,
-    ) -> Vec<(f64, Vec<LampColour>)> {
+    ) -> Vec<(f64, Vec<Lamp>)> {
         let (clock, seen) = (TestClock::default(), RefCell::default());
         let mut finger = Finger { clock: &clock, changes, edges_lost };
-        let timing = ButtonTiming { debounce_ms: 30.0, long_press_ms: 1500.0 };
         let ended = || clock.0.get() > until_s;
-        attend(panel, Some(&mut finger), &mut LampRecord(&clock, &seen), &clock, timing, &ended);
+        attend(panel, Some(&mut finger), &mut LampRecord(&clock, &seen), &clock, &ended);
         seen.into_inner()
     }
 
@@ -171,7 +174,7 @@ mod tests {
             let panel = FrontPanel::default();
             panel.set(BoxState::Waiting);
             let seen = attended(&panel, &bouncing, edges_lost, 3.0);
-            let at = seen.iter().find(|(_, lit)| lit == &[LampColour::White]).map(|s| s.0).unwrap();
+            let at = seen.iter().find(|(_, lit)| lit == &[Lamp::Busy]).map(|s| s.0).unwrap();
             assert!((2.03..=2.139).contains(&at), "lit at {at}, edges lost: {edges_lost}");
             assert!(panel.take_requests().go);
         }
@@ -182,7 +185,7 @@ mod tests {
         let panel = FrontPanel::default();
         panel.set(BoxState::Trouble);
         let seen = attended(&panel, &[], false, 1.0);
-        assert_eq!(seen.first().unwrap().1, [LampColour::Red]);
+        assert_eq!(seen.first().unwrap().1, [Lamp::Trouble]);
         assert!(seen.last().unwrap().1.is_empty());
     }
 
@@ -206,9 +209,8 @@ mod tests {
         }
         let (clock, seen, panel) =
             (TestClock::default(), RefCell::default(), FrontPanel::default());
-        let timing = ButtonTiming { debounce_ms: 30.0, long_press_ms: 1500.0 };
         let ended = || clock.0.get() > 3.0;
-        attend(&panel, Some(&mut Dead), &mut LampRecord(&clock, &seen), &clock, timing, &ended);
+        attend(&panel, Some(&mut Dead), &mut LampRecord(&clock, &seen), &clock, &ended);
         assert!(seen.into_inner().len() > 2, "the start goes on flashing");
     }
 }

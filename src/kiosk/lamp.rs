@@ -3,27 +3,17 @@
 //! normal, red fault; slow flashing below 0.8 Hz, normal 1.4 to 2.8 Hz.
 
 use super::front_panel::BoxState;
-
-/// A lamp.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum LampColour {
-    /// Normal.
-    Green,
-    /// Busy.
-    White,
-    /// Help is needed.
-    Red,
-}
+use crate::rig::Lamp;
 
 /// A repeated rhythm: duration in seconds and lit lamps of each part.
-type Rhythm = &'static [(f64, &'static [LampColour])];
+type Rhythm = &'static [(f64, &'static [Lamp])];
 
-const GREEN: &[LampColour] = &[LampColour::Green];
-const WHITE: &[LampColour] = &[LampColour::White];
-const RED: &[LampColour] = &[LampColour::Red];
-const GREEN_WHITE: &[LampColour] = &[LampColour::Green, LampColour::White];
-const GREEN_RED: &[LampColour] = &[LampColour::Green, LampColour::Red];
-const DARK: &[LampColour] = &[];
+const GREEN: &[Lamp] = &[Lamp::Ready];
+const WHITE: &[Lamp] = &[Lamp::Busy];
+const RED: &[Lamp] = &[Lamp::Trouble];
+const GREEN_WHITE: &[Lamp] = &[Lamp::Ready, Lamp::Busy];
+const GREEN_RED: &[Lamp] = &[Lamp::Ready, Lamp::Trouble];
+const DARK: &[Lamp] = &[];
 
 fn rhythm(state: BoxState) -> Rhythm {
     match state {
@@ -48,7 +38,7 @@ fn rhythm(state: BoxState) -> Rhythm {
 }
 
 /// The lamps lit `since_s` seconds after the state began, and the seconds until they change.
-pub fn lit(state: BoxState, since_s: f64) -> (&'static [LampColour], f64) {
+pub fn lit(state: BoxState, since_s: f64) -> (&'static [Lamp], f64) {
     let parts = rhythm(state);
     let period: f64 = parts.iter().map(|part| part.0).sum();
     let mut at = since_s.max(0.0) % period;
@@ -101,11 +91,14 @@ mod tests {
 
     /// The rhythm of `state` as in the operator's page.
     fn in_words(state: BoxState) -> String {
-        let colours = |lit: &[LampColour]| match lit {
+        let colour = |lamp: &Lamp| match lamp {
+            Lamp::Ready => "green",
+            Lamp::Busy => "white",
+            Lamp::Trouble => "red",
+        };
+        let colours = |lit: &[Lamp]| match lit {
             [] => "dark".to_owned(),
-            lit => {
-                lit.iter().map(|c| format!("{c:?}").to_lowercase()).collect::<Vec<_>>().join("+")
-            }
+            lit => lit.iter().map(colour).collect::<Vec<_>>().join("+"),
         };
         match rhythm(state) {
             [(_, lit)] => colours(lit),

@@ -3,6 +3,12 @@
 use crate::rig::Moment;
 use crate::rig::button::Debounce;
 
+/// Time that a level must hold: longer than contacts bounce, ms. Guess.
+pub const DEBOUNCE_MS: f64 = 30.0;
+/// Duration of a long press, which cancels a job, starts a calibration in maintenance, and starts
+/// maintenance when the box is switched on, ms. Guess.
+pub const LONG_PRESS_MS: f64 = 1500.0;
+
 /// A press.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Press {

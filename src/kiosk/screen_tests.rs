@@ -3,6 +3,72 @@
 use super::*;
 use crate::frame::{Channel, Plane};
 
+const MISSED: &str = "no photo was restored in the night up to 2026-01-11 06:00 (Europe/Vienna), \
+                      though photos wait since 2026-01-10 21:50 (Europe/Vienna)";
+
+/// One screen of each kind, by name.
+fn examples() -> Vec<(&'static str, Screen)> {
+    let text = str::to_owned;
+    let photo = text("Sommer am Attersee, 1987.jpg");
+    vec![
+        ("starting", Screen::Starting { words: text("Opening camera and panel.") }),
+        ("ready", Screen::Ready { hint: text(DROP_AND_PRESS) }),
+        (
+            "waiting",
+            Screen::Waiting {
+                photos: 12,
+                others: text("2 photos are still arriving. 1 photo will be tried again."),
+            },
+        ),
+        ("counting", Screen::Counting { seconds: 2 }),
+        ("taking", Screen::Taking),
+        (
+            "asking",
+            Screen::Asking {
+                photos: 1,
+                words: text(ASK),
+                others: text("1 photo is still arriving."),
+            },
+        ),
+        ("measuring", Screen::Measuring { why: text("displaced by 0.41 px, allowed 0.25") }),
+        ("working", Screen::Working { photo: photo.clone(), number: 3, of: 12 }),
+        (
+            "result",
+            Screen::Result {
+                photo,
+                untouched: false,
+                words: text("Photographed through the lens again, this picture is your photo."),
+                hint: text(RESULT_IN_OUTBOX),
+            },
+        ),
+        (
+            "resting",
+            Screen::Resting {
+                words: text("The night begins at 22:00 (Europe/Vienna)."),
+                photos: 4000,
+                others: String::new(),
+            },
+        ),
+        (
+            "missed",
+            Screen::Missed {
+                what: text(MISSED),
+                why: text("the time is unknown: no network has set the clock yet"),
+                photos: 4000,
+                others: String::new(),
+            },
+        ),
+        (
+            "trouble",
+            Screen::Trouble {
+                what: text("The camera is gone: no frame came within 500 ms."),
+                to_do: text("Check the camera's cable. The box tries again every minute."),
+            },
+        ),
+        ("maintenance", Screen::Maintenance { words: text(IDLE) }),
+    ]
+}
+
 fn example(name: &str) -> Screen {
     examples().into_iter().find(|(n, _)| *n == name).expect("an example").1
 }

@@ -7,7 +7,6 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::config::Nights;
 use crate::deconvolution::data_term::TRUSTED;
 use crate::deconvolution::forward_convolution::{ForwardConvolution, Seen};
 use crate::deconvolution::lens_model::LensModel;
@@ -59,39 +58,9 @@ pub struct Drift {
     pub noise_ratio: f64,
 }
 
-/// Limits of drift.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct DriftLimits {
-    /// Displacement, sensor pixels.
-    pub shift_max_px: f64,
-    /// Change of brightness, per cent.
-    pub gain_max_percent: f64,
-    /// Change of added light, grey levels.
-    pub offset_max_levels: f64,
-    /// Noise relative to that at calibration.
-    pub noise_max_ratio: f64,
-}
-
-impl Default for DriftLimits {
-    /// The defaults of `[nights]`.
-    fn default() -> DriftLimits {
-        DriftLimits {
-            shift_max_px: 0.25,
-            gain_max_percent: 3.0,
-            offset_max_levels: 1.0,
-            noise_max_ratio: 1.5,
-        }
-    }
-}
-
-impl DriftLimits {
-    /// The limits of a rig file.
-    pub fn of(nights: &Nights) -> DriftLimits {
-        let &Nights { shift_max_px, gain_max_percent, offset_max_levels, noise_max_ratio, .. } =
-            nights;
-        DriftLimits { shift_max_px, gain_max_percent, offset_max_levels, noise_max_ratio }
-    }
-}
+/// Limits of drift. Guesses; the panel's noise and a camera's gain vary by less.
+pub const LIMITS: Drift =
+    Drift { shift_px: 0.25, gain_percent: 3.0, offset_levels: 1.0, noise_ratio: 1.5 };
 
 impl PilotReading {
     /// Drift since `before`.
@@ -112,51 +81,42 @@ impl PilotReading {
 }
 
 impl Drift {
-    /// Describes the drifts past their limits; `None` without any.
-    pub fn complaint(&self, limits: &DriftLimits) -> Option<String> {
-        let mut complaints = Vec::new();
-        let mut check = |found: f64, allowed: f64, words: String| {
-            // NaN is past every limit.
-            if found.is_nan() || found.abs() > allowed {
-                complaints.push(words);
-            }
-        };
-        let DriftLimits { shift_max_px, gain_max_percent, offset_max_levels, noise_max_ratio } =
-            *limits;
+    /// Describes the drifts past [`LIMITS`]; `None` without any.
+    pub fn complaint(&self) -> Option<String> {
         let Drift { shift_px, gain_percent, offset_levels, noise_ratio } = *self;
-        check(
-            shift_px,
-            shift_max_px,
-            format!("displaced by {shift_px:.2} px, allowed {shift_max_px}"),
-        );
-        check(
-            gain_percent,
-            gain_max_percent,
-            format!("brightness changed by {gain_percent:+.1} %, allowed {gain_max_percent}"),
-        );
-        check(
-            offset_levels,
-            offset_max_levels,
-            format!(
-                "stray light changed by {offset_levels:+.1} grey levels, allowed \
-                 {offset_max_levels}"
+        let rows = [
+            (shift_px, LIMITS.shift_px, format!("displaced by {shift_px:.2} px")),
+            (
+                gain_percent,
+                LIMITS.gain_percent,
+                format!("brightness changed by {gain_percent:+.1} %"),
             ),
-        );
-        check(
-            noise_ratio,
-            noise_max_ratio,
-            format!("noise {noise_ratio:.1} times that at calibration, allowed {noise_max_ratio}"),
-        );
+            (
+                offset_levels,
+                LIMITS.offset_levels,
+                format!("stray light changed by {offset_levels:+.1} grey levels"),
+            ),
+            (
+                noise_ratio,
+                LIMITS.noise_ratio,
+                format!("noise {noise_ratio:.1} times that at calibration"),
+            ),
+        ];
+        // NaN is past every limit.
+        let past =
+            rows.into_iter().filter(|(found, most, _)| found.is_nan() || found.abs() > *most);
+        let complaints: Vec<String> =
+            past.map(|(_, most, words)| format!("{words}, allowed {most}")).collect();
         (!complaints.is_empty()).then(|| complaints.join("; "))
     }
 
-    /// Largest difference to `other`, as a share of the limits.
-    pub fn difference(&self, other: &Drift, limits: &DriftLimits) -> f64 {
+    /// Largest difference to `other`, as a share of [`LIMITS`].
+    pub fn difference(&self, other: &Drift) -> f64 {
         [
-            (self.shift_px - other.shift_px) / limits.shift_max_px,
-            (self.gain_percent - other.gain_percent) / limits.gain_max_percent,
-            (self.offset_levels - other.offset_levels) / limits.offset_max_levels,
-            (self.noise_ratio - other.noise_ratio) / limits.noise_max_ratio,
+            (self.shift_px - other.shift_px) / LIMITS.shift_px,
+            (self.gain_percent - other.gain_percent) / LIMITS.gain_percent,
+            (self.offset_levels - other.offset_levels) / LIMITS.offset_levels,
+            (self.noise_ratio - other.noise_ratio) / LIMITS.noise_ratio,
         ]
         .into_iter()
         .fold(0.0, |largest, v| largest.max(v.abs()))
@@ -269,28 +229,12 @@ mod tests {
 
     #[test]
     fn drifts_past_their_limits_are_described_with_the_limits() {
-        let limits = DriftLimits {
-            shift_max_px: 0.25,
-            gain_max_percent: 3.0,
-            offset_max_levels: 1.0,
-            noise_max_ratio: 1.5,
-        };
         let fine =
             Drift { shift_px: 0.1, gain_percent: -2.0, offset_levels: 0.5, noise_ratio: 1.1 };
-        assert_eq!(fine.complaint(&limits), None);
+        assert_eq!(fine.complaint(), None);
         let darker = Drift { gain_percent: -4.2, ..fine };
-        assert_eq!(darker.complaint(&limits).unwrap(), "brightness changed by -4.2 %, allowed 3");
-        assert!(Drift { shift_px: f64::NAN, ..fine }.complaint(&limits).is_some());
-    }
-
-    #[test]
-    fn default_limits_are_those_of_the_rig_file() {
-        let small = include_str!("../../rig-config/small.toml");
-        let nights = "[nights]\nwindow = \"always\"\ntime-zone = \"UTC\"\nclock = \
-                      \"network\"\nrecalibrate = true\n";
-        let text = format!("{small}\n{nights}");
-        let rig = crate::config::parse(&text, "small.toml").unwrap();
-        assert_eq!(DriftLimits::of(&rig.nights.unwrap()), DriftLimits::default());
+        assert_eq!(darker.complaint().unwrap(), "brightness changed by -4.2 %, allowed 3");
+        assert!(Drift { shift_px: f64::NAN, ..fine }.complaint().is_some());
     }
 
     #[test]

@@ -1,13 +1,16 @@
 //! Waiting until the rig is steady. A panel needs 70 minutes (colour work; a web source), and lens
 //! and mount warm up as well.
 
-use super::pilot::{Drift, DriftLimits};
+use super::pilot::Drift;
 
 /// Consecutive pilots that must agree.
 const STEADY_PILOTS: usize = 3;
 
 /// Largest difference of agreeing pilots, as a share of the limits. Guess.
 const STEADY_SHARE: f64 = 0.25;
+
+/// Longest warm-up, minutes. Guess.
+pub const WARM_UP_MAX_MIN: f64 = 60.0;
 
 /// The pilots of a warm-up.
 #[derive(Debug, Clone)]
@@ -33,14 +36,14 @@ impl WarmUp {
         WarmUp { begun_s: now_s, seen: Vec::new() }
     }
 
-    /// Adds a pilot read at `now_s`; `max_s` is the time allowed.
-    pub fn add(&mut self, drift: Drift, limits: &DriftLimits, now_s: f64, max_s: f64) -> Warmth {
+    /// Adds a pilot read at `now_s`.
+    pub fn add(&mut self, drift: Drift, now_s: f64) -> Warmth {
         self.seen.push(drift);
         let last = &self.seen[self.seen.len().saturating_sub(STEADY_PILOTS)..];
-        let agree = |a: &Drift| last.iter().all(|b| a.difference(b, limits) < STEADY_SHARE);
+        let agree = |a: &Drift| last.iter().all(|b| a.difference(b) < STEADY_SHARE);
         if last.len() == STEADY_PILOTS && last.iter().all(agree) {
             Warmth::Steady
-        } else if now_s - self.begun_s >= max_s {
+        } else if now_s - self.begun_s >= 60.0 * WARM_UP_MAX_MIN {
             Warmth::OutOfTime
         } else {
             Warmth::Warming
@@ -52,13 +55,6 @@ impl WarmUp {
 mod tests {
     use super::*;
 
-    const LIMITS: DriftLimits = DriftLimits {
-        shift_max_px: 0.25,
-        gain_max_percent: 3.0,
-        offset_max_levels: 1.0,
-        noise_max_ratio: 1.5,
-    };
-
     fn brighter_by(percent: f64) -> Drift {
         Drift { gain_percent: percent, ..Drift::default() }
     }
@@ -69,7 +65,7 @@ mod tests {
         // 8 % below its final brightness, with a time constant of ten pilots.
         let warmth = |n: i32| {
             let missing = -8.0 * (-f64::from(n) / 10.0).exp();
-            warm_up.add(brighter_by(missing), &LIMITS, 30.0 * f64::from(n), 3600.0)
+            warm_up.add(brighter_by(missing), 30.0 * f64::from(n))
         };
         let all: Vec<Warmth> = (0..60).map(warmth).collect();
         let steady = all.iter().position(|w| *w == Warmth::Steady).unwrap();
@@ -83,7 +79,7 @@ mod tests {
         let mut warm_up = WarmUp::new(0.0);
         let mut last = Warmth::Warming;
         for n in 0..100 {
-            last = warm_up.add(brighter_by(f64::from(n)), &LIMITS, 30.0 * f64::from(n), 600.0);
+            last = warm_up.add(brighter_by(f64::from(n)), 180.0 * f64::from(n));
             assert_eq!(last, if n < 20 { Warmth::Warming } else { Warmth::OutOfTime });
         }
         assert_eq!(last, Warmth::OutOfTime);

@@ -151,12 +151,7 @@ mod tests {
             time_zone: zone.into(),
             clock: ClockSource::Network,
             pilot_every_photos: 1,
-            warm_up_max_min: 0.0,
             recalibrate: true,
-            shift_max_px: 1.0,
-            gain_max_percent: 1.0,
-            offset_max_levels: 1.0,
-            noise_max_ratio: 1.0,
         })
         .unwrap()
     }

@@ -52,7 +52,6 @@ mod line {
 
     use gpiocdev::line::{Bias, EdgeDetection, Value};
 
-    use crate::rig::button::Debounce;
     use crate::rig::gpio_line::{CONSUMER, LineName, find};
     use crate::rig::monotonic::Monotonic;
     use crate::rig::{Clock, Moment, RigError};
@@ -64,7 +63,6 @@ mod line {
     pub struct Button {
         request: gpiocdev::Request,
         offset: u32,
-        debounce: Debounce,
     }
 
     fn failed(doing: &'static str) -> impl Fn(gpiocdev::Error) -> RigError {
@@ -80,7 +78,7 @@ mod line {
         ///
         /// # Errors
         /// When there is no such line, or another program uses it.
-        pub fn open(name: &LineName, debounce_ms: f64) -> Result<Self, RigError> {
+        pub fn open(name: &LineName) -> Result<Self, RigError> {
             let place = find("button", name)?;
             let mut builder = gpiocdev::Request::builder();
             builder.on_chip(&place.node).with_consumer(CONSUMER).with_line(place.offset);
@@ -91,8 +89,7 @@ mod line {
                 builder.with_bias(Bias::PullDown);
             }
             let request = builder.request().map_err(failed("take its line"))?;
-            let debounce = Debounce::new(debounce_ms, Monotonic.now());
-            Ok(Button { request, offset: place.offset, debounce })
+            Ok(Button { request, offset: place.offset })
         }
 
         /// Waits for an edge, at most until `deadline`, and returns the level.
@@ -108,33 +105,6 @@ mod line {
             }
             let level = self.request.value(self.offset).map_err(failed("read its level"))?;
             Ok(level == Value::Active)
-        }
-
-        /// Waits for a press, at most until `deadline`; returns whether there was one.
-        ///
-        /// # Errors
-        /// When the line cannot be read.
-        pub fn pressed(&mut self, deadline: Moment) -> Result<bool, RigError> {
-            loop {
-                let level = self.request.value(self.offset).map_err(failed("read its level"))?;
-                if self.debounce.read(level == Value::Active, Monotonic.now()) {
-                    return Ok(true);
-                }
-                let now = Monotonic.now().0;
-                if now >= deadline.0 {
-                    return Ok(false);
-                }
-                let until = self
-                    .debounce
-                    .next_reading_at()
-                    .map_or(deadline.0, |again| again.0.min(deadline.0));
-                let wait = Duration::from_secs_f64((until - now).clamp(0.0, 3600.0));
-                if self.request.wait_edge_event(wait).map_err(failed("wait for its edges"))? {
-                    // Discard the queued events.
-                    let mut events = self.request.new_edge_event_buffer(EVENTS);
-                    events.read_event().map_err(failed("read its edges"))?;
-                }
-            }
         }
     }
 }

@@ -173,3 +173,14 @@ impl Remediable for RigError {
         }
     }
 }
+
+/// Meaning of a lamp. Colours after IEC 60073: green ready, white busy, red trouble.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Lamp {
+    /// Waiting for photos.
+    Ready,
+    /// Restoring a photo; lit at once when the button is pressed.
+    Busy,
+    /// Needs the operator.
+    Trouble,
+}

@@ -6,13 +6,12 @@ use super::button::Button;
 use super::exposure::{Devices, Timing};
 use super::gpio_line::{LineName, OutputLine};
 use super::kms_panel::{KmsPanel, KmsSettings};
-use super::lamps::{Lamp, Lamps};
+use super::lamps::Lamps;
 use super::monotonic::Monotonic;
 use super::pulse_trigger::{FreeRunning, PulseTrigger};
-use super::{Panel, RigError, Trigger, camera};
+use super::{Lamp, Panel, RigError, Trigger, camera};
 use crate::config::{
-    self, ButtonDevice, Hardware, LampDevices, Level, PanelDevice, PanelTable, PulseLine,
-    TriggerDevice,
+    self, GpioLine, Hardware, LampDevices, Level, PanelDevice, PanelTable, TriggerDevice,
 };
 
 /// Opens panel, trigger and camera.
@@ -21,7 +20,8 @@ use crate::config::{
 /// As [`KmsPanel::open`], [`OutputLine::open`] and [`camera::v4l2::V4l2Camera::open`].
 pub fn open(rig: &config::RigFile, hardware: &Hardware) -> Result<Devices, RigError> {
     let panel = open_panel(&rig.panel, &hardware.panel)?;
-    let trigger = open_trigger(&hardware.trigger)?;
+    let pulse_us = hardware.pulse_us(rig.camera.exposure_ms);
+    let trigger = open_trigger(&hardware.trigger, pulse_us)?;
     let camera = camera::open(&rig.camera, hardware)?;
     let timing = Timing::of(&rig.panel, &rig.camera);
     Ok(Devices::new(panel, trigger, camera, Box::new(Monotonic), timing))
@@ -44,16 +44,19 @@ pub fn open_panel(
     })?))
 }
 
-fn line(chip: &str, line: &str, active: Level) -> LineName {
-    LineName { chip: chip.to_owned(), line: line.to_owned(), active_low: active == Level::Low }
+fn line(GpioLine { chip, line, active }: &GpioLine) -> LineName {
+    LineName { chip: chip.clone(), line: line.clone(), active_low: *active == Level::Low }
 }
 
-fn open_trigger(device: &TriggerDevice) -> Result<Box<dyn Trigger + Send>, RigError> {
+fn open_trigger(
+    device: &TriggerDevice,
+    pulse_us: u32,
+) -> Result<Box<dyn Trigger + Send>, RigError> {
     match device {
         TriggerDevice::FreeRunning(_) => Ok(Box::new(FreeRunning(Monotonic))),
-        TriggerDevice::Line(PulseLine { chip, line: name, active, pulse_us }) => {
-            let pin = OutputLine::open("trigger", &line(chip, name, *active))?;
-            Ok(Box::new(PulseTrigger::new(pin, Delay, Monotonic, *pulse_us)?))
+        TriggerDevice::Line(name) => {
+            let pin = OutputLine::open("trigger", &line(name))?;
+            Ok(Box::new(PulseTrigger::new(pin, Delay, Monotonic, pulse_us)?))
         }
     }
 }
@@ -62,8 +65,8 @@ fn open_trigger(device: &TriggerDevice) -> Result<Box<dyn Trigger + Send>, RigEr
 ///
 /// # Errors
 /// When its line cannot be requested.
-pub fn open_button(button: &ButtonDevice) -> Result<Button, RigError> {
-    Button::open(&line(&button.chip, &button.line, button.active), button.debounce_ms)
+pub fn open_button(button: &GpioLine) -> Result<Button, RigError> {
+    Button::open(&line(button))
 }
 
 /// Opens the lamps, all dark.
@@ -75,9 +78,7 @@ pub fn open_lamps(lamps: &LampDevices) -> Result<Lamps, RigError> {
         [(Lamp::Ready, &lamps.ready), (Lamp::Busy, &lamps.busy), (Lamp::Trouble, &lamps.trouble)];
     let names: Vec<_> = each
         .into_iter()
-        .filter_map(|(lamp, device)| {
-            device.as_ref().map(|d| (lamp, line(&d.chip, &d.line, d.active)))
-        })
+        .filter_map(|(lamp, device)| Some((lamp, line(device.as_ref()?))))
         .collect();
     Lamps::open(&names)
 }

@@ -2,19 +2,8 @@
 
 use embedded_hal::digital::OutputPin;
 
-use super::RigError;
 use super::gpio_line::{LineName, OutputLine};
-
-/// Meaning of a lamp. Colours after IEC 60073: green ready, white busy, red or yellow trouble.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Lamp {
-    /// Waiting for photos.
-    Ready,
-    /// Restoring a photo; lit at once when the button is pressed.
-    Busy,
-    /// Needs the operator.
-    Trouble,
-}
+use super::{Lamp, RigError};
 
 /// The lamps that the box has.
 #[derive(Default)]

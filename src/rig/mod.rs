@@ -41,7 +41,7 @@ pub mod simulated;
 #[cfg(any(test, feature = "hardware"))]
 mod stamps;
 
-pub use device::{Camera, Clock, Exposed, Flip, Moment, Panel, RigError, Trigger};
+pub use device::{Camera, Clock, Exposed, Flip, Lamp, Moment, Panel, RigError, Trigger};
 
 use crate::config;
 

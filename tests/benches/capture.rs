@@ -77,11 +77,3 @@ fn look_at_counts(bencher: Bencher, (width, height): (usize, usize)) {
         Frame::from_fn(|_| Plane::from_fn(size, |x, y| ((x * 7 + y * 13) * 31 % 1021) as u16));
     bencher.bench_local(|| Sharpness::of(black_box(&picture), &picture, sites, 64.0));
 }
-
-/// A histogram of white.
-#[divan::bench(args = SENSORS)]
-fn histogram(bencher: Bencher, (width, height): (usize, usize)) {
-    let picture: Counts = Frame::filled(Size::new(width, height), 700);
-    let sites = GreenSites::behind(Some(Mosaic::Rggb));
-    bencher.bench_local(|| sites.histogram(black_box(&picture), 1023));
-}

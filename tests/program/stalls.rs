@@ -19,15 +19,14 @@ use relens::daemon::{
 };
 use relens::disk::{Disk, FileKind, LocalDisk, Metadata, Unsynced};
 use relens::frame::{Frame, Plane, Size, Work};
-use relens::kiosk::attend::{ButtonLevel, ButtonTiming, LampRow, attend};
+use relens::kiosk::attend::{ButtonLevel, LampRow, attend};
 use relens::kiosk::front_panel::FrontPanel;
-use relens::kiosk::lamp::LampColour;
 use relens::kiosk::screen::Screen;
 use relens::picture::worker::Worker;
 use relens::picture::{Format, Manner, Photo, encode};
 use relens::pipeline::Outcome;
 use relens::remedy::{AnyFailure, Remediable, Remedy};
-use relens::rig::{Clock, Moment, RigError};
+use relens::rig::{Clock, Lamp, Moment, RigError};
 
 const RIG: Size = Size::new(64, 48);
 
@@ -323,7 +322,7 @@ fn a_hanging_worker_is_killed_and_its_photo_has_a_reason() {
 struct Wire(Gate, bool);
 
 impl LampRow for Wire {
-    fn show(&mut self, _: &[LampColour]) -> Result<(), RigError> {
+    fn show(&mut self, _: &[Lamp]) -> Result<(), RigError> {
         self.0.pass();
         assert!(!self.1, "told to");
         Ok(())
@@ -387,10 +386,9 @@ fn with_front_panel(
     front.count_round();
     std::thread::scope(|scope| {
         let desk = scope.spawn(|| {
-            let timing = ButtonTiming { debounce_ms: 20.0, long_press_ms: 1500.0 };
             let clock = Wall(Instant::now());
             let ended = || ended.load(Ordering::Acquire);
-            attend(&front, Some(&mut button), &mut lamps, &clock, timing, &ended);
+            attend(&front, Some(&mut button), &mut lamps, &clock, &ended);
         });
         let (clock, mut watcher) = (Quick(Mutex::new(0.0)), ());
         let folders = Folders::open(root.path()).unwrap();

@@ -106,8 +106,7 @@ fn a_pulse_that_sets_the_exposure_is_as_long_as_it() {
     let pulse_us = |text: &str| {
         let rig = parse(text).unwrap_or_else(|error| panic!("{error}"));
         let config::Kind::Hardware(parts) = rig.kind else { panic!("it is made of parts") };
-        let config::TriggerDevice::Line(pulse) = parts.trigger else { panic!("it has a line") };
-        pulse.pulse_us
+        parts.pulse_us(rig.camera.exposure_ms)
     };
     assert_eq!(pulse_us(BOARD), 1000);
     assert_eq!(pulse_us(include_str!("../../rig-config/raspberry-pi-5-gs.toml")), 50_000);

@@ -3,6 +3,7 @@
 use std::path::Path;
 use std::sync::Arc;
 
+use crate::npy::read_npy_f32;
 use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 use rand_xoshiro::Xoshiro256PlusPlus;
@@ -21,7 +22,7 @@ use relens::deconvolution::method::wiener::Wiener;
 use relens::deconvolution::method::{Method, Problem, ResidualOf, Strength};
 use relens::deconvolution::observation::{Developed, Observation};
 use relens::deconvolution::patches::PatchShape;
-use relens::frame::{Channel, Channels, Frame, Plane, Rect, Size, Work, read_npy_f32};
+use relens::frame::{Channel, Channels, Frame, Plane, Rect, Size, Work};
 use relens::remedy::AnyFailure;
 
 const SIZE: Size = Size::new(128, 96);

@@ -12,6 +12,8 @@ mod divergence;
 mod focus;
 mod method;
 mod nights;
+#[path = "../golden/npy.rs"]
+mod npy;
 mod operating_point;
 mod raw_file;
 mod raw_sites;

@@ -3,6 +3,7 @@
 use std::path::Path;
 use std::sync::Arc;
 
+use crate::npy::read_npy_f32;
 use relens::deconvolution::backward_convolution::{Sign, backward_convolution};
 use relens::deconvolution::computed_optics::ComputedOptics;
 use relens::deconvolution::data_term::TRUSTED;
@@ -17,7 +18,7 @@ use relens::deconvolution::method::{Method, Problem, Strength};
 use relens::deconvolution::observation::{Developed, Observation};
 use relens::deconvolution::patches::{PatchGrid, PatchShape};
 use relens::deconvolution::quality::ssim;
-use relens::frame::{Channel, Channels, Frame, Plane, Rect, Size, Work, read_npy_f32};
+use relens::frame::{Channel, Channels, Frame, Plane, Rect, Size, Work};
 
 const GREEN: Channel = Channel::Green;
 

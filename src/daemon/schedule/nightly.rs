@@ -25,9 +25,9 @@ use crate::daemon::store::pilots::{self, PilotEntry, PilotVerdict};
 use crate::daemon::store::report_file::Delivered;
 use crate::daemon::store::waiting::Awaited;
 use crate::daemon::store::withdraw::is_in_place;
-use crate::nights::pilot::{Drift, DriftLimits};
+use crate::nights::pilot::Drift;
 use crate::nights::trust::{Calendar, Trust, unix_s};
-use crate::nights::warm_up::{WarmUp, Warmth};
+use crate::nights::warm_up::{WARM_UP_MAX_MIN, WarmUp, Warmth};
 use crate::nights::window::{Hours, Window};
 use crate::remedy::{AnyFailure, Remedy, full_message};
 use crate::restorer::Restorer;
@@ -268,7 +268,7 @@ impl<'a> Nightly<'a> {
     }
 
     fn judge(&mut self, drift: Drift, rig: &mut dyn Restorer) -> Option<Turn> {
-        let Some(complaint) = drift.complaint(&DriftLimits::of(&self.nights)) else {
+        let Some(complaint) = drift.complaint() else {
             self.log_pilot(drift, PilotVerdict::Good);
             self.calibrations = 0;
             return self.good();
@@ -350,9 +350,8 @@ impl<'a> Nightly<'a> {
             }
             Err(failure) => return help(failure),
         };
-        let (limits, max_s) = (DriftLimits::of(&self.nights), 60.0 * self.nights.warm_up_max_min);
         let night = self.night.as_mut()?;
-        let warmth = night.warm_up.as_mut()?.add(drift, &limits, now.0, max_s);
+        let warmth = night.warm_up.as_mut()?.add(drift, now.0);
         if warmth == Warmth::Warming {
             let until = Moment(now.0 + WARM_UP_STEP_S);
             night.next_pilot = until;
@@ -361,7 +360,7 @@ impl<'a> Nightly<'a> {
         }
         night.warm_up = None;
         if warmth == Warmth::OutOfTime {
-            log::warn!("the rig is not steady after {} min", self.nights.warm_up_max_min);
+            log::warn!("the rig is not steady after {WARM_UP_MAX_MIN} min");
         }
         self.judge(drift, rig)
     }

@@ -22,7 +22,6 @@ use crate::daemon::store::taken;
 use crate::daemon::store::waiting::Awaited;
 use crate::kiosk::front_panel::BoxState;
 use crate::kiosk::screen::{ASK, Screen};
-use crate::nights::pilot::DriftLimits;
 use crate::nights::trust::unix_s;
 use crate::remedy::{AnyFailure, Remediable, Remedy, full_message};
 use crate::restorer::photo_file::TakenPhoto;
@@ -97,7 +96,6 @@ enum ShutterState {
 pub(super) struct Shooting<'a> {
     folders: Folders,
     calendar: &'a dyn Fn() -> SystemTime,
-    limits: DriftLimits,
     recalibrate: bool,
     stage: Stage,
     countdown_s: f64,
@@ -122,7 +120,6 @@ impl<'a> Shooting<'a> {
         Shooting {
             folders,
             calendar,
-            limits: nights.map_or_else(DriftLimits::default, DriftLimits::of),
             recalibrate: nights.is_none_or(|nights| nights.recalibrate),
             stage: Stage::Aim,
             countdown_s,
@@ -351,7 +348,7 @@ impl<'a> Shooting<'a> {
     /// Shows a pilot, after so many calibrations, and sets the stage.
     fn prove(&mut self, calibrations: u32, rig: &mut dyn Restorer) -> Result<(), DaemonError> {
         let drift = rig.pilot().map_err(of_rig)?;
-        let Some(complaint) = drift.and_then(|drift| drift.complaint(&self.limits)) else {
+        let Some(complaint) = drift.and_then(|drift| drift.complaint()) else {
             self.stage = Stage::There;
             return Ok(());
         };

@@ -74,12 +74,7 @@ fn nights() -> Nights {
         time_zone: "UTC".into(),
         clock: ClockSource::Battery,
         pilot_every_photos: 1,
-        warm_up_max_min: 0.0,
         recalibrate: true,
-        shift_max_px: 0.25,
-        gain_max_percent: 3.0,
-        offset_max_levels: 1.0,
-        noise_max_ratio: 1.5,
     }
 }
 
