@@ -36,9 +36,6 @@ pub fn patient(rig: &RigFile) -> RigFile {
     rig
 }
 
-/// Captures of alternating pictures without a wrong frame that a settle time must pass.
-const PROBES: usize = 20;
-
 /// The measured timing.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MeasuredTiming {
@@ -48,8 +45,6 @@ pub struct MeasuredTiming {
     pub jitter_ms: f64,
     /// From the flip to a settled picture.
     pub settle_ms: f64,
-    /// The shortest settle time without a rejected frame; `None` on a rig without marks.
-    pub shortest_settle_ms: Option<f64>,
     /// Refresh interval of the rig file.
     pub interval_ms: f64,
     /// Settle time of the rig file.
@@ -58,8 +53,7 @@ pub struct MeasuredTiming {
     pub white_share: f64,
 }
 
-/// Measures the timing of `rig`, opened by [`patient`] of `file`. Leaves the rig with the shortest
-/// settle time without a wrong frame, plus half a refresh.
+/// Measures the timing of `rig`, opened by [`patient`] of `file`.
 ///
 /// # Errors
 /// When a device fails, or black and white are alike.
@@ -97,15 +91,10 @@ pub fn measure(rig: &mut Devices, file: &RigFile) -> Result<MeasuredTiming, RigE
     let latency_ms = latencies.iter().sum::<f64>() / TRIALS as f64;
     let spread =
         latencies.iter().map(|l| (l - latency_ms).powi(2)).sum::<f64>() / (TRIALS - 1) as f64;
-    let shortest_settle_ms = shortest_settle(rig, interval_ms)?;
-    if let Some(shortest_ms) = shortest_settle_ms {
-        rig.timing.settle_ms = shortest_ms + interval_ms / 2.0;
-    }
     Ok(MeasuredTiming {
         latency_ms,
         jitter_ms: spread.sqrt(),
         settle_ms,
-        shortest_settle_ms,
         interval_ms,
         file_settle_ms,
         white_share,
@@ -202,37 +191,6 @@ fn trial(rig: &mut Devices, delay_ms: f64, ends: &Ends) -> Result<BothFlips, Rig
     Ok(BothFlips { delay_ms, white, residual })
 }
 
-/// The shortest settle time, in half refreshes, at which a run of captures has no wrong frame.
-fn shortest_settle(rig: &mut Devices, interval_ms: f64) -> Result<Option<f64>, RigError> {
-    if !rig.has_marks() {
-        return Ok(None);
-    }
-    let kept = rig.timing;
-    rig.timing.exposures_max = 1;
-    let mut shortest = None;
-    for half in 0..=2 * REFRESHES_MAX {
-        rig.timing.settle_ms = half as f64 * interval_ms / 2.0;
-        let before = rig.rejected().total();
-        for n in 0..PROBES {
-            let codes = Codes::filled(rig.panel.size(), if n % 2 == 0 { 20 } else { 220 });
-            match rig.capture(&codes) {
-                Ok(_) => {}
-                Err(RigError::NotThisPicture { .. } | RigError::NoFrame { .. }) => break,
-                Err(error) => {
-                    rig.timing = kept;
-                    return Err(error);
-                }
-            }
-        }
-        if rig.rejected().total() == before {
-            shortest = Some(rig.timing.settle_ms);
-            break;
-        }
-    }
-    rig.timing = kept;
-    Ok(shortest)
-}
-
 impl MeasuredTiming {
     /// The settle time for the rig file: half a refresh, the trials' step, above the measured one.
     pub fn settle_to_write_ms(&self) -> f64 {
@@ -282,9 +240,6 @@ impl fmt::Display for MeasuredTiming {
         line("flip to first change", self.latency_ms)?;
         line("  its jitter (σ)", self.jitter_ms)?;
         line("flip to settled picture", self.settle_ms)?;
-        if let Some(shortest_ms) = self.shortest_settle_ms {
-            line("shortest without wrong frame", shortest_ms)?;
-        }
         line("settle time in the rig file", self.file_settle_ms)
     }
 }
@@ -311,10 +266,7 @@ mod tests {
         assert!((33.0..=40.0).contains(&timing.latency_ms), "{timing}");
         assert!((50.0..=90.0).contains(&timing.settle_ms), "{timing}");
         assert!(timing.jitter_ms < 1.0, "{timing}");
-        let shortest_ms = timing.shortest_settle_ms.expect("it has marks");
-        assert!((25.0..=70.0).contains(&shortest_ms), "{timing}");
         assert!(timing.faults().is_empty(), "{:?}", timing.faults());
-        assert!((devices.timing.settle_ms - shortest_ms - timing.interval_ms / 2.0).abs() < 1e-9);
         // A settle time far too short in the file is measured and reported all the same.
         let mut hasty = config.clone();
         hasty.panel.settle_ms = 10.0;
@@ -332,7 +284,6 @@ mod tests {
             latency_ms: 30.0,
             jitter_ms: 0.1,
             settle_ms: 50.0,
-            shortest_settle_ms: None,
             interval_ms: 16.7,
             file_settle_ms: 100.0,
             // Ten bits in the lowest of sixteen.

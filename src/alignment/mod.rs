@@ -13,7 +13,6 @@ mod tests;
 
 use crate::config::RigFile;
 use crate::frame::{Codes, Counts, Mosaic};
-use crate::patterns::{self, Trial};
 use crate::rig::RigError;
 use crate::rig::exposure::Devices;
 use crate::rig::shoot::clipped_share;
@@ -80,7 +79,7 @@ impl<'a> RigView<'a> {
             dots,
             last: None,
         };
-        let dark = view.capture(&patterns::trial(panel, Trial::Black))?;
+        let dark = view.capture(&Codes::filled(panel, 0))?;
         view.black = sites.light(&dark, 0.0).mean();
         Ok(view)
     }
@@ -107,7 +106,7 @@ impl<'a> RigView<'a> {
     /// # Errors
     /// When the capture fails.
     pub fn measure_brightness(&mut self) -> Result<Brightness, RigError> {
-        let white = patterns::trial(self.devices.panel.size(), Trial::White);
+        let white = Codes::filled(self.devices.panel.size(), 255);
         let counts = self.capture(&white)?;
         let clipped_share = clipped_share(&counts, self.mosaic, self.count_max);
         let light = self.sites.light(&counts, self.black);

@@ -3,9 +3,8 @@
 use super::RigView;
 use super::sites::GreenSites;
 use crate::config::RigFile;
-use crate::frame::{Channel, Counts};
+use crate::frame::{Channel, Codes, Counts};
 use crate::measurement::{self, CalibrateError, Linearity};
-use crate::patterns::{self, Trial};
 use crate::rig::RigError;
 
 /// Captures of grey.
@@ -75,7 +74,7 @@ impl RigView<'_> {
         progress: &mut dyn FnMut(usize),
     ) -> Result<Steadiness, RigError> {
         let mut captures = Vec::with_capacity(GREYS);
-        let grey = patterns::trial(self.devices.panel.size(), Trial::Grey);
+        let grey = Codes::filled(self.devices.panel.size(), 128);
         for n in 0..GREYS {
             let counts = if n == 0 { self.capture(&grey)? } else { self.devices.expose()?.counts };
             captures.push(bands(&counts, self.sites, self.black));

@@ -87,11 +87,6 @@ impl ResponsePattern {
         Ok(ResponsePattern { planes })
     }
 
-    /// Whether it was not measured.
-    pub fn is_none(&self) -> bool {
-        self.planes.is_empty()
-    }
-
     /// The planes: none, one, or three.
     pub(super) fn planes(&self) -> &[Vec<i8>] {
         &self.planes

@@ -1,7 +1,7 @@
 //! Storage of the calibration: two slots, of which at most one is being written.
 //!
-//! A slot is, in little-endian: magic (8 bytes), version (u32), rig identity (u64), generation
-//! (u32), length of the payload (u32), payload (postcard), CRC-32 of all preceding bytes (u32). The
+//! A slot is: magic (8 bytes), version (u32, little-endian), calibration (postcard), CRC-32 of all
+//! preceding bytes (u32, little-endian). The
 //! newer valid slot of this rig is used. A new calibration is written to a temporary file in the
 //! same folder, synchronised, and renamed over the other slot; then the folder is synchronised. One
 //! valid slot survives a power cut at any time.
@@ -15,8 +15,8 @@ use crate::remedy::{Remediable, Remedy};
 
 const MAGIC: [u8; 8] = *b"relenscl";
 /// Format of slots; incremented with every change of [`Calibration`]'s layout.
-pub const VERSION: u32 = 7;
-const HEADER_BYTES: usize = 28;
+pub const VERSION: u32 = 8;
+const HEADER_BYTES: usize = 12;
 const CRC_BYTES: usize = 4;
 const SLOTS: [&str; 2] = ["calibration-a.slot", "calibration-b.slot"];
 /// Larger than any calibration: 192 functions of 101×101 taps in three channels are 24 MB, the
@@ -33,31 +33,18 @@ pub enum SlotFault {
     /// The file cannot be read.
     #[error("cannot be read: {0}")]
     Unreadable(String),
-    /// The file has the wrong length.
-    #[error("{found} bytes long; {allowed} are allowed")]
-    Length {
-        /// Length of the file.
-        found: u64,
-        /// Length in the header, or the least or greatest possible.
-        allowed: u64,
-    },
+    /// The file is larger than any calibration: its length.
+    #[error("{0} bytes long; {SLOT_BYTES_MAX} are allowed")]
+    Length(u64),
     /// The magic is wrong.
     #[error("not a calibration of relens")]
     Magic,
     /// The format is another version's.
-    #[error("written in format {found}; this program reads {VERSION}")]
-    Version {
-        /// The version found.
-        found: u32,
-    },
-    /// The checksum is wrong.
-    #[error("damaged: stored checksum {found:08x}, computed {computed:08x}")]
-    Checksum {
-        /// Stored checksum.
-        found: u32,
-        /// Checksum of the bytes.
-        computed: u32,
-    },
+    #[error("written in format {0}; this program reads {VERSION}")]
+    Version(u32),
+    /// The file is cut short, or its checksum is wrong.
+    #[error("damaged")]
+    Damaged,
     /// The payload is no calibration although the checksum is right: a bug of the writer.
     #[error("undamaged, but no calibration: {0}")]
     Contents(String),
@@ -67,11 +54,8 @@ pub enum SlotFault {
 #[derive(Debug, thiserror::Error)]
 pub enum StoreError {
     /// The folder has no calibration.
-    #[error("no calibration in {folder}; run `relens calibrate`")]
-    Empty {
-        /// The folder.
-        folder: PathBuf,
-    },
+    #[error("no calibration in {0}; run `relens calibrate`")]
+    Empty(PathBuf),
     /// Neither slot is valid.
     #[error("no valid calibration in {folder}: slot a: {a}, slot b: {b}; run `relens calibrate`")]
     BothBad {
@@ -95,31 +79,22 @@ pub enum StoreError {
         /// Identity of this rig.
         allowed: u64,
     },
-    /// The calibration could not be written.
-    #[error("cannot store the calibration in {path}")]
-    Write {
-        /// File or folder.
-        path: PathBuf,
-        /// The cause.
-        #[source]
-        source: std::io::Error,
-    },
-    /// The calibration could not be encoded.
-    #[error("the calibration cannot be encoded: {found}")]
-    Encode {
-        /// Message of the encoder.
-        found: String,
-    },
+    /// The file or folder could not be written.
+    #[error("cannot store the calibration in {0}")]
+    Write(PathBuf, #[source] std::io::Error),
+    /// The calibration could not be encoded: the encoder's message.
+    #[error("the calibration cannot be encoded: {0}")]
+    Encode(String),
 }
 
 impl Remediable for StoreError {
     fn remedy(&self) -> Remedy {
         match self {
-            StoreError::Empty { .. } | StoreError::BothBad { .. } | StoreError::OtherRig { .. } => {
+            StoreError::Empty(_) | StoreError::BothBad { .. } | StoreError::OtherRig { .. } => {
                 Remedy::Recalibrate
             }
-            StoreError::Write { .. } => Remedy::RetryLater,
-            StoreError::Encode { .. } => Remedy::CallOperator,
+            StoreError::Write(..) => Remedy::RetryLater,
+            StoreError::Encode(_) => Remedy::CallOperator,
         }
     }
 }
@@ -129,8 +104,7 @@ impl Remediable for StoreError {
 /// # Errors
 /// [`StoreError::Write`].
 pub fn make_folder(folder: &Path) -> Result<(), StoreError> {
-    std::fs::create_dir_all(folder)
-        .map_err(|source| StoreError::Write { path: folder.to_owned(), source })
+    std::fs::create_dir_all(folder).map_err(|source| StoreError::Write(folder.to_owned(), source))
 }
 
 /// Loads the newer valid calibration of `rig` from `folder`.
@@ -165,10 +139,10 @@ pub fn load_from(disk: &dyn Disk, folder: &Path, rig: u64) -> Result<Calibration
         return Err(StoreError::OtherRig { folder, found: newest.rig, allowed: rig });
     }
     match slots {
-        [Err(SlotFault::Missing), Err(SlotFault::Missing)] => Err(StoreError::Empty { folder }),
+        [Err(SlotFault::Missing), Err(SlotFault::Missing)] => Err(StoreError::Empty(folder)),
         [Err(a), Err(b)] => Err(StoreError::BothBad { folder, a, b }),
         // A valid slot was handled above.
-        _ => Err(StoreError::Empty { folder }),
+        _ => Err(StoreError::Empty(folder)),
     }
 }
 
@@ -200,7 +174,7 @@ pub fn save_to(
     let (path, fresh) = (folder.join(slot), folder.join(format!("{slot}.new")));
     let failed = |path: &Path| {
         let path = path.to_owned();
-        move |source| StoreError::Write { path, source }
+        move |source| StoreError::Write(path, source)
     };
     disk.write(&fresh, &mut &bytes[..]).and_then(Unsynced::sync).map_err(failed(&fresh))?;
     disk.rename(&fresh, &path).map_err(failed(&path))?;
@@ -209,23 +183,14 @@ pub fn save_to(
 
 /// Encodes a slot.
 fn encode(calibration: &Calibration) -> Result<Vec<u8>, StoreError> {
-    let payload = postcard::to_allocvec(calibration)
-        .map_err(|e| StoreError::Encode { found: e.to_string() })?;
-    let bytes = HEADER_BYTES + payload.len() + CRC_BYTES;
-    if bytes as u64 > SLOT_BYTES_MAX {
-        let found = format!("{bytes} bytes long; {SLOT_BYTES_MAX} are allowed");
-        return Err(StoreError::Encode { found });
-    }
-    let length = payload.len() as u32;
-    let mut bytes = Vec::with_capacity(HEADER_BYTES + payload.len() + CRC_BYTES);
-    bytes.extend(MAGIC);
-    bytes.extend(VERSION.to_le_bytes());
-    bytes.extend(calibration.rig.to_le_bytes());
-    bytes.extend(calibration.generation.to_le_bytes());
-    bytes.extend(length.to_le_bytes());
-    bytes.extend(payload);
+    let payload =
+        postcard::to_allocvec(calibration).map_err(|e| StoreError::Encode(e.to_string()))?;
+    let mut bytes = [&MAGIC[..], &VERSION.to_le_bytes(), &payload].concat();
     bytes.extend(crc32fast::hash(&bytes).to_le_bytes());
-    Ok(bytes)
+    match bytes.len() as u64 {
+        0..=SLOT_BYTES_MAX => Ok(bytes),
+        length => Err(StoreError::Encode(SlotFault::Length(length).to_string())),
+    }
 }
 
 fn read_slot(disk: &dyn Disk, path: &Path) -> Result<Calibration, SlotFault> {
@@ -236,7 +201,7 @@ fn read_slot(disk: &dyn Disk, path: &Path) -> Result<Calibration, SlotFault> {
     let file = disk.open(path).map_err(unreadable)?;
     let length = file.metadata().map_err(unreadable)?.len();
     if length > SLOT_BYTES_MAX {
-        return Err(SlotFault::Length { found: length, allowed: SLOT_BYTES_MAX });
+        return Err(SlotFault::Length(length));
     }
     let mut bytes = Vec::with_capacity(length as usize);
     file.take(SLOT_BYTES_MAX).read_to_end(&mut bytes).map_err(unreadable)?;
@@ -245,41 +210,21 @@ fn read_slot(disk: &dyn Disk, path: &Path) -> Result<Calibration, SlotFault> {
 
 /// Decodes a slot.
 fn decode(bytes: &[u8]) -> Result<Calibration, SlotFault> {
-    let found = bytes.len() as u64;
-    let short = SlotFault::Length { found, allowed: (HEADER_BYTES + CRC_BYTES) as u64 };
-    if bytes.len() < HEADER_BYTES + CRC_BYTES {
-        return Err(short);
-    }
-    let (body, crc) = bytes.split_at(bytes.len() - CRC_BYTES);
-    if body[..8] != MAGIC {
+    let (body, crc) = bytes.split_last_chunk::<CRC_BYTES>().ok_or(SlotFault::Damaged)?;
+    let (header, payload) = body.split_first_chunk::<HEADER_BYTES>().ok_or(SlotFault::Damaged)?;
+    let [magic @ .., a, b, c, d] = header;
+    let version = u32::from_le_bytes([*a, *b, *c, *d]);
+    if *magic != MAGIC {
         return Err(SlotFault::Magic);
     }
-    let word = |at: usize| {
-        let mut four = [0; 4];
-        four.copy_from_slice(&body[at..at + 4]);
-        u32::from_le_bytes(four)
-    };
-    let version = word(8);
     if version != VERSION {
-        return Err(SlotFault::Version { found: version });
+        return Err(SlotFault::Version(version));
     }
-    let allowed = u64::from(word(24)) + (HEADER_BYTES + CRC_BYTES) as u64;
-    if found != allowed {
-        return Err(SlotFault::Length { found, allowed });
+    if u32::from_le_bytes(*crc) != crc32fast::hash(body) {
+        return Err(SlotFault::Damaged);
     }
-    let (stored, computed) =
-        (u32::from_le_bytes([crc[0], crc[1], crc[2], crc[3]]), crc32fast::hash(body));
-    if stored != computed {
-        return Err(SlotFault::Checksum { found: stored, computed });
-    }
-    let calibration: Calibration = postcard::from_bytes(&body[HEADER_BYTES..])
-        .map_err(|e| SlotFault::Contents(e.to_string()))?;
-    let rig = u64::from(word(12)) | u64::from(word(16)) << 32;
-    if (rig, word(20)) != (calibration.rig, calibration.generation) {
-        return Err(SlotFault::Contents(
-            "header and payload name different rigs or generations".to_owned(),
-        ));
-    }
+    let calibration: Calibration =
+        postcard::from_bytes(payload).map_err(|e| SlotFault::Contents(e.to_string()))?;
     calibration.check().map_err(SlotFault::Contents)?;
     Ok(calibration)
 }

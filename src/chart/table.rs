@@ -37,26 +37,6 @@ impl Table {
         text
     }
 
-    /// The cells of comma-separated values, row by row, the head first.
-    pub fn cells_of_csv(text: &str) -> Vec<Vec<String>> {
-        let (mut rows, mut row, mut cell) = (Vec::new(), Vec::new(), String::new());
-        let mut is_quoted = false;
-        let mut letters = text.chars().peekable();
-        while let Some(letter) = letters.next() {
-            match letter {
-                '"' if is_quoted && letters.next_if_eq(&'"').is_some() => cell.push('"'),
-                '"' => is_quoted = !is_quoted,
-                ',' if !is_quoted => row.push(std::mem::take(&mut cell)),
-                '\n' if !is_quoted => {
-                    row.push(std::mem::take(&mut cell));
-                    rows.push(std::mem::take(&mut row));
-                }
-                letter => cell.push(letter),
-            }
-        }
-        rows
-    }
-
     /// The table as comma-separated values without the caption.
     pub fn csv(&self) -> String {
         let quoted = |cell: &str| {
@@ -88,7 +68,6 @@ mod tests {
         assert!(table.markdown().contains("| a\\|b | 1,5 |"));
         assert_eq!(table.csv(), "name,value\na|b,\"1,5\"\n");
         table.row(vec!["\"a\"".to_owned(), String::new()]);
-        let cells = Table::cells_of_csv(&table.csv());
-        assert_eq!(cells[1..], table.rows);
+        assert!(table.csv().ends_with("\"\"\"a\"\"\",\n"), "{}", table.csv());
     }
 }

@@ -174,9 +174,10 @@ fn check_simulation(places: &Places, written: RigTables) -> Result<Simulation, C
     let table = needed(places, "[simulation]", written.simulation)?;
     let lens = needed(places, "[lens]", written.lens)?;
     let pose = needed(places, "[pose]", written.pose)?;
-    let display = needed(places, "[display]", written.display)?;
-    let sensor = needed(places, "[sensor]", written.sensor)?;
-    let lens = lens.into_lens();
+    let mut display = needed(places, "[display]", written.display)?;
+    display.primaries = table.light.primaries();
+    let sensor = needed(places, "[sensor]", written.sensor)?.completed(table.light);
+    let lens = lens.into_lens(&written.camera);
     let half = f64::from(written.camera.count_max()) / 2.0;
     places.hold(
         sensor.black_level_counts <= half,

@@ -4,6 +4,7 @@ use serde::{Deserialize, Deserializer, Serialize};
 use toml::Value;
 
 use super::keys::{Word as KeyWord, numbers, table, words};
+use super::parts::CameraTable;
 use super::spectra::{Primaries, SpectralLight};
 use crate::frame::Mosaic;
 
@@ -113,6 +114,9 @@ pub struct Glare {
     pub radius_px: f32,
 }
 
+/// Distance of the panel from the first refracting surface (paper, §4.1).
+const PANEL_DISTANCE_MM: f64 = 4000.0;
+
 /// Prescription of a lens; most fields are documented as keys of `[lens]`.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[allow(missing_docs)]
@@ -143,12 +147,8 @@ table! {
     pub(super) struct LensTable {
         /// Refracting surfaces and rims, from the object to the image.
         surface: Vec<LensSurface>, Tables(&LensSurface::TABLE), Never;
-        /// Surface, counted from 0, whose vertex plane carries the stop: the first refracting one.
-        stop_at_surface: usize, Fixed, Says("computed");
         /// Diameter of the stop.
         stop_diameter_mm: f64, MoreThan(0.0), Never;
-        /// Distance of the panel from the first refracting surface (paper, §4.1).
-        object_distance_mm: f64, Fixed, Means("4000.0");
         /// Distance of a photo's scene from the first refracting surface. No calibration depends on
         /// it.
         scene_distance_mm: Option<f64>, Number(1.0, 1e7), Says("the distance of the panel, 4 m");
@@ -159,12 +159,8 @@ table! {
         /// Columns of the grid of traced functions over the sensor; its rows follow from the
         /// sensor's aspect ratio.
         node_columns: usize, Whole(2, 128), Never;
-        /// Rows of that grid.
-        node_rows: usize, Fixed, Says("computed");
         /// Geometry of the image.
         geometry: LensGeometry, Word(LensGeometry::WORDS), Never;
-        /// Whether light falls off towards the corners as traced: with traced geometry.
-        dark_corner: bool, Fixed, Says("computed");
         /// Veiling glare: share of the light that is scattered far beyond the functions.
         glare_share: f32, Number(0.0, 0.9), Never;
         /// Standard deviation of the glare's Gaussian, in sensor pixels.
@@ -173,23 +169,27 @@ table! {
 }
 
 impl LensTable {
-    /// The lens, focused on the panel and centred on the sensor.
-    pub(super) fn into_lens(self) -> Lens {
+    /// The lens, focused on the panel and centred on the sensor of `camera`.
+    pub(super) fn into_lens(self, camera: &CameraTable) -> Lens {
+        let [width, height] = [camera.width_px, camera.height_px].map(|side| side as f64);
+        let rows = (self.node_columns as f64 * height / width).round();
+        let is_rim = |surface: &&LensSurface| surface.radius_mm.is_infinite();
         Lens {
             glare: Glare { share: self.glare_share, radius_px: self.glare_radius_px },
             prescription: Prescription {
+                // The vertex plane of the first refracting surface carries the stop.
+                stop_at_surface: self.surface.iter().take_while(is_rim).count(),
                 surfaces: self.surface,
-                stop_at_surface: self.stop_at_surface,
                 stop_diameter_mm: self.stop_diameter_mm,
-                object_distance_mm: self.object_distance_mm,
+                object_distance_mm: PANEL_DISTANCE_MM,
                 focus_distance_mm: None,
                 scene_distance_mm: self.scene_distance_mm,
                 pixel_pitch_um: self.pixel_pitch_um,
                 support_px: self.support_px,
                 node_columns: self.node_columns,
-                node_rows: self.node_rows,
+                node_rows: rows.max(2.0) as usize,
                 geometry: self.geometry,
-                dark_corner: self.dark_corner,
+                dark_corner: self.geometry == LensGeometry::Traced,
                 axis_offset_px: [0.0; 2],
             },
         }
@@ -251,6 +251,7 @@ table! {
     /// (toe/(1 + toe))^gamma)`.
     pub struct DisplayTable {
         /// Spectra of the panel's red, green and blue.
+        @[serde(skip_deserializing)]
         primaries: Primaries, Fixed, Says("computed");
         /// Exponent of the response curve, per channel.
         gamma: [f64; 3], Such("three numbers, 0.2 to 5", |value| numbers(value, 3, 0.2, 5.0)),
@@ -333,6 +334,7 @@ table! {
     /// Physics of the sensor.
     pub struct SensorTable {
         /// Spectra of a scene's light behind the red, green and blue filters.
+        @[serde(skip_deserializing)]
         filters: Primaries, Fixed, Says("computed");
         /// Sensitivity of each sensor channel (row) to each panel primary (column).
         cross_channel: [[f64; 3]; 3],
@@ -359,13 +361,13 @@ table! {
         pixels_differ: bool, Truth, Means("false");
         /// Standard deviation of the pixels' gains, as a share. The pattern belongs to the sensor
         /// and depends on no seed.
-        @[serde(skip_serializing_if = "is_default")]
+        @[serde(skip_deserializing, skip_serializing_if = "is_default")]
         gain_deviation: f64, Fixed, Says("computed");
         /// Share of hot pixels.
-        @[serde(skip_serializing_if = "is_default")]
+        @[serde(skip_deserializing, skip_serializing_if = "is_default")]
         hot_pixel_share: f64, Fixed, Says("computed");
         /// Mean signal of hot pixels in the dark, in grey levels of 255; exponentially distributed.
-        @[serde(skip_serializing_if = "is_default")]
+        @[serde(skip_deserializing, skip_serializing_if = "is_default")]
         hot_pixel_levels: f64, Fixed, Says("computed");
         /// Whether counts bend as those of industrial sensors do near the full well.
         @[serde(deserialize_with = "curve", skip_serializing_if = "is_default")]
@@ -373,14 +375,19 @@ table! {
     }
 }
 
-/// Keys of `[sensor]` and their values where pixels differ.
-pub(super) const PIXEL_DIFFERENCES: [(&str, f64); 3] = [
-    // Pixel response non-uniformity: the upper end of industrial sensors' data sheets (EMVA 1288).
-    ("gain-deviation", 0.01),
-    // Guesses.
-    ("hot-pixel-share", 0.0002),
-    ("hot-pixel-levels", 20.0),
-];
+impl SensorTable {
+    /// The sensor with its computed values, in `light`.
+    pub(super) fn completed(mut self, light: SpectralLight) -> SensorTable {
+        self.filters = light.filters();
+        if self.pixels_differ {
+            // The upper end of industrial sensors' data sheets (EMVA 1288).
+            self.gain_deviation = 0.01;
+            // Guesses.
+            (self.hot_pixel_share, self.hot_pixel_levels) = (0.0002, 20.0);
+        }
+        self
+    }
+}
 
 /// Words for [`Mosaic`].
 const MOSAICS: &[KeyWord] = &[

@@ -1,7 +1,6 @@
 //! Spectra of a simulated rig: panel, scene and colour filters.
 
 use serde::{Deserialize, Serialize};
-use toml::Value;
 
 use super::keys::words;
 
@@ -34,28 +33,21 @@ impl SpectralLight {
         &[(435.0, 0.6), (460.0, 1.0), (490.0, 0.5)],
     ];
 
-    /// Spectra of the panel's primaries, as a table.
-    pub(super) fn primaries(self) -> Value {
-        table_of(match self {
-            SpectralLight::Broad => Self::LED_PANEL,
-            SpectralLight::Lines => Self::LINES,
-        })
+    /// Spectra of the panel's primaries.
+    pub(super) fn primaries(self) -> Primaries {
+        match self {
+            SpectralLight::Broad => Primaries::of(Self::LED_PANEL),
+            SpectralLight::Lines => Primaries::of(Self::LINES),
+        }
     }
 
-    /// Spectra of a scene's light behind the filters, as a table.
-    pub(super) fn filters(self) -> Value {
-        table_of(match self {
-            SpectralLight::Broad => Self::FILTERS,
-            SpectralLight::Lines => Self::LINES,
-        })
+    /// Spectra of a scene's light behind the filters.
+    pub(super) fn filters(self) -> Primaries {
+        match self {
+            SpectralLight::Broad => Primaries::of(Self::FILTERS),
+            SpectralLight::Lines => Primaries::of(Self::LINES),
+        }
     }
-}
-
-fn table_of(spectra: Spectra) -> Value {
-    let pair = |&(nm, weight): &(f64, f64)| Value::from(vec![nm, weight]);
-    let list = |spectrum: &[(f64, f64)]| Value::from(spectrum.iter().map(pair).collect::<Vec<_>>());
-    let names = ["red-nm", "green-nm", "blue-nm"].map(str::to_owned);
-    Value::Table(names.into_iter().zip(spectra.map(list)).collect())
 }
 
 /// A wavelength in nm and its weight relative to the others of its list.
@@ -63,7 +55,7 @@ fn table_of(spectra: Spectra) -> Value {
 pub struct Wavelength(pub f64, pub f64);
 
 /// Wavelengths of the three channels with their relative weights.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 #[allow(missing_docs)]
 pub struct Primaries {
@@ -73,6 +65,13 @@ pub struct Primaries {
 }
 
 impl Primaries {
+    fn of(spectra: Spectra) -> Primaries {
+        let list =
+            |spectrum: &[(f64, f64)]| spectrum.iter().map(|&(nm, w)| Wavelength(nm, w)).collect();
+        let [red_nm, green_nm, blue_nm] = spectra.map(list);
+        Primaries { red_nm, green_nm, blue_nm }
+    }
+
     /// The lists of red, green and blue.
     pub fn lists(&self) -> [&[Wavelength]; 3] {
         [&self.red_nm, &self.green_nm, &self.blue_nm]

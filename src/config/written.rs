@@ -12,11 +12,7 @@ use super::parts::{
     CalibrationTable, CameraTable, CanvasTable, Marks, PanelTable, PaperTable, PhotoTable, Restore,
 };
 use super::places::{Places, joined};
-use super::simulation::{
-    DisplayTable, Faults, LensGeometry, LensTable, PIXEL_DIFFERENCES, Pose, SensorTable,
-    SimulationTable,
-};
-use super::spectra::SpectralLight;
+use super::simulation::{DisplayTable, Faults, LensTable, Pose, SensorTable, SimulationTable};
 
 const NOT_HARDWARE: &str = "the rig is not made of hardware";
 const NOT_SIMULATED: &str = "the rig is not simulated";
@@ -224,7 +220,6 @@ fn derive(whole: &mut toml::Table) {
     set_if_missing(whole, "paper", "patch-px", patch_px.clamp(4, PATCH_PX).into());
     let radius_px = whole_of(whole, "calibration", "function-support-px") / 2;
     set_if_missing(whole, "paper", "margin-px", radius_px.into());
-    derive_simulation(whole);
 }
 
 /// Canvas margin, photo size and photo place.
@@ -238,41 +233,6 @@ fn derive_geometry(whole: &mut toml::Table) {
         set_if_missing(whole, "photo", size, photo_px.into());
         let photo_px = whole_of(whole, "photo", size);
         set_if_missing(whole, "camera", place, ((sensor_px - photo_px).max(0) / 2).into());
-    }
-}
-
-/// Values of the simulated lens, display and sensor.
-fn derive_simulation(whole: &mut toml::Table) {
-    let word = |table: &str, key: &str| {
-        let value = whole.get(table).and_then(|table| table.get(key)).and_then(Value::as_str);
-        value.map(str::to_owned)
-    };
-    let is_traced = word("lens", "geometry").as_deref() == Some(LensGeometry::Traced.name());
-    let light = word("simulation", "light");
-    set_if_missing(whole, "lens", "dark-corner", is_traced.into());
-    let columns = number_of(whole, "lens", "node-columns");
-    let [width, height] = ["width-px", "height-px"].map(|side| number_of(whole, "camera", side));
-    let rows = ((columns * height / width).round() as i64).max(2);
-    set_if_missing(whole, "lens", "node-rows", rows.into());
-    let surfaces = whole.get("lens").and_then(|lens| lens.get("surface"));
-    let is_rim = |surface: &&Value| {
-        let radius = surface.get("radius-mm").and_then(Value::as_float);
-        radius.is_some_and(f64::is_infinite)
-    };
-    let rims =
-        surfaces.and_then(Value::as_array).map_or(0, |all| all.iter().take_while(is_rim).count());
-    set_if_missing(whole, "lens", "stop-at-surface", (rims as i64).into());
-    if let Some(light) =
-        SpectralLight::ALL.into_iter().find(|one| light.as_deref() == Some(one.name()))
-    {
-        set_if_missing(whole, "display", "primaries", light.primaries());
-        set_if_missing(whole, "sensor", "filters", light.filters());
-    }
-    let differ = whole.get("sensor").and_then(|sensor| sensor.get("pixels-differ"));
-    let differ = differ.and_then(Value::as_bool) == Some(true);
-    for (key, usual) in PIXEL_DIFFERENCES {
-        let value = if differ { usual } else { 0.0 };
-        set_if_missing(whole, "sensor", key, value.into());
     }
 }
 

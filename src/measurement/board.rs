@@ -6,7 +6,7 @@ use crate::calibration::checkerboard::{self, Affine};
 use crate::calibration::geometric::{Geometry, Pair};
 use crate::config;
 use crate::frame::{Channel, Frame, Plane, SensorSpace};
-use crate::patterns::{self, Trial};
+use crate::patterns;
 
 /// The green checkerboard as found, for the later check.
 pub(super) struct Board {
@@ -26,7 +26,7 @@ pub(super) fn geometry(
         return Ok(([one.clone(), one.clone(), one], None));
     }
     session.step("geometry");
-    let locator = session.counts(&patterns::trial(layout.panel, Trial::Locator))?;
+    let locator = session.counts(&patterns::locator(layout.panel))?;
     let mut spots = [(0.0, 0.0); 3];
     for c in Channel::ALL {
         // A spot is white of one channel, whose brightness was checked before.

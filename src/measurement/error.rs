@@ -1,8 +1,11 @@
 //! Errors of a calibration, by what the operator has to do.
 
+use super::judge::{CONTRAST_MIN, RESIDUAL_MAX, SATURATED_MAX};
 use crate::calibration::CorrectionError;
 use crate::calibration::lens_blur::LensBlurError;
+use crate::calibration::response_pattern::BAD_SHARE_MAX;
 use crate::calibration::surface::SurfaceError;
+use crate::frame::Channel;
 use crate::remedy::{Remediable, Remedy};
 use crate::rig::RigError;
 
@@ -24,105 +27,64 @@ pub enum CalibrateError {
         #[source]
         source: RigError,
     },
-    /// The panel does not fill the camera's view.
+    /// The panel does not fill the camera's view: the finding.
     #[error(
-        "panel not in view: {found}; switch the panel on, and aim the camera so that the panel \
-         fills its picture"
+        "panel not in view: {0}; switch the panel on, and aim the camera so that the panel fills \
+         its picture"
     )]
-    NotInView {
-        /// The finding.
-        found: String,
-    },
-    /// White saturates the sensor.
+    NotInView(String),
+    /// White saturates the sensor: saturated share in the brightest cell.
     #[error(
-        "over-exposed: {found_percent:.0} % of the pixels in the brightest part of white are \
-         saturated, allowed {allowed_percent:.0} %; shorten the exposure, dim the panel, or keep \
-         other light away"
+        "over-exposed: {:.0} % of the pixels in the brightest part of white are saturated, allowed \
+         {:.0} %; shorten the exposure, dim the panel, or keep other light away",
+        100.0 * .0, 100.0 * SATURATED_MAX
     )]
-    OverExposed {
-        /// Saturated share in the brightest cell.
-        found_percent: f64,
-        /// Largest allowed share.
-        allowed_percent: f64,
-    },
-    /// White has too little contrast to black.
+    OverExposed(f64),
+    /// White has too little contrast to black: white over black, of full scale.
     #[error(
-        "too dark: white is {found_percent:.1} % of full scale above black, at least \
-         {allowed_percent:.0} % are needed; lengthen the exposure, brighten the panel, or check \
-         that camera.bits in the rig file is not more than the sensor has"
+        "too dark: white is {:.1} % of full scale above black, at least {:.0} % are needed; \
+         lengthen the exposure, brighten the panel, or check that camera.bits in the rig file is \
+         not more than the sensor has",
+        100.0 * .0, 100.0 * CONTRAST_MIN
     )]
-    TooDark {
-        /// White over black, of full scale.
-        found_percent: f64,
-        /// Least allowed share.
-        allowed_percent: f64,
-    },
-    /// Frames still show the previous picture.
+    TooDark(f64),
+    /// Frames still show the previous picture: residual share of white in black.
     #[error(
-        "panel.settle-ms is too short: a frame still shows {found_percent:.1} % of the previous \
-         picture, allowed {allowed_percent:.1} %; run `relens check` for the right value"
+        "panel.settle-ms is too short: a frame still shows {:.1} % of the previous picture, \
+         allowed {:.1} %; run `relens check` for the right value",
+        100.0 * .0, 100.0 * RESIDUAL_MAX
     )]
-    TooSoon {
-        /// Residual of white in black.
-        found_percent: f64,
-        /// Largest allowed share.
-        allowed_percent: f64,
-    },
-    /// Two captures of one picture differ.
+    TooSoon(f64),
+    /// Two captures of one picture differ: the motion found, and that allowed.
     #[error(
-        "moving: {found} between two captures of the same picture, allowed {allowed}; bolt panel \
-         and camera down and let the table rest"
+        "moving: {0} between two captures of the same picture, allowed {1}; bolt panel and camera \
+         down and let the table rest"
     )]
-    Moving {
-        /// The motion found.
-        found: String,
-        /// The allowed value.
-        allowed: String,
-    },
-    /// The picture is too blurred.
-    #[error("wrong focus: {found}, allowed {allowed}; focus the camera on the panel")]
-    WrongFocus {
-        /// The finding.
-        found: String,
-        /// The allowed value.
-        allowed: String,
-    },
-    /// A channel does not respond to the panel.
+    Moving(String, String),
+    /// The picture is too blurred: the finding, and what is allowed.
+    #[error("wrong focus: {0}, allowed {1}; focus the camera on the panel")]
+    WrongFocus(String, String),
+    /// A channel does not respond to the panel: the finding.
     #[error(
-        "the {channel} channel does not respond to the panel: {found}; run `relens check` to see \
-         whether panel.settle-ms is too short or the panel is out of view"
+        "the {name} channel does not respond to the panel: {found}; run `relens check` to see whether \
+         panel.settle-ms is too short or the panel is out of view",
+        name = .0.name(), found = .1
     )]
-    Response {
-        /// The channel.
-        channel: &'static str,
-        /// The finding.
-        found: String,
-    },
-    /// The camera's counts are not linear in light.
+    Response(Channel, String),
+    /// The counts of a channel are not linear in light: the finding, with what is allowed.
     #[error(
-        "the camera's counts are not linear in light: in the {channel} channel {found}, allowed \
-         {allowed}; switch off its gamma and contrast, or use its raw pictures"
+        "the camera's counts are not linear in light: in the {name} channel {found}; switch off its gamma \
+         and contrast, or use its raw pictures",
+        name = .0.name(), found = .1
     )]
-    NotLinear {
-        /// The channel.
-        channel: &'static str,
-        /// The finding.
-        found: String,
-        /// The allowed value.
-        allowed: String,
-    },
-    /// The sensor has too many bad sites.
+    NotLinear(Channel, String),
+    /// The sensor has too many bad sites: their share.
     #[error(
-        "{found_percent:.1} % of the sensor's sites are hot or dead, allowed \
-         {allowed_percent:.0} %; clean the sensor's window, cool the camera, or shorten the \
-         exposure"
+        "{:.1} % of the sensor's sites are hot or dead, allowed {:.0} %; clean the sensor's \
+         window, cool the camera, or shorten the exposure",
+        100.0 * .0, 100.0 * BAD_SHARE_MAX
     )]
-    BadSites {
-        /// Share of bad sites.
-        found_percent: f64,
-        /// Largest allowed share.
-        allowed_percent: f64,
-    },
+    BadSites(f64),
     /// A smooth surface cannot be fitted.
     #[error(
         "the fit of calibration step `{step}` failed; run `relens check` to see whether \

@@ -10,9 +10,9 @@ use crate::frame::{Channel, Counts, Plane, Size};
 const CELLS: usize = 16;
 /// Largest share of saturated pixels in the brightest cell of white. White may reach the largest
 /// count; noise then saturates half of the pixels, and rounding some more.
-const SATURATED_MAX: f64 = 0.98;
+pub(super) const SATURATED_MAX: f64 = 0.98;
 /// Least white over black, as a share of full scale: 38 counts of an 8-bit camera. Guess.
-const CONTRAST_MIN: f64 = 0.15;
+pub(super) const CONTRAST_MIN: f64 = 0.15;
 /// Least share of full scale that counts as light of the panel. Guess.
 const LIGHT_MIN: f64 = 0.005;
 /// Least light of a lit cell, as a share of the brightest; vignetting is weaker. Guess.
@@ -22,7 +22,7 @@ const LIT_SHARE: f64 = 0.2;
 const SHIFT_MAX_PX: f64 = 0.25;
 /// Largest residual of the previous picture in a frame, as a share: one grey level of 255;
 /// `relens check` allows half.
-const RESIDUAL_MAX: f64 = 0.004;
+pub(super) const RESIDUAL_MAX: f64 = 0.004;
 /// Least share of the corners in view that must be found.
 const CORNERS_MIN: f64 = 0.5;
 
@@ -50,29 +50,21 @@ pub(super) fn exposure(
     }
     let brightest = contrast.iter().copied().fold(0.0, f64::max);
     if saturated > SATURATED_MAX {
-        return Err(CalibrateError::OverExposed {
-            found_percent: 100.0 * saturated,
-            allowed_percent: 100.0 * SATURATED_MAX,
-        });
+        return Err(CalibrateError::OverExposed(saturated));
     }
     if brightest < LIGHT_MIN {
         let found = format!("white is only {:.2} % of full scale above black", 100.0 * brightest);
-        return Err(CalibrateError::NotInView { found });
+        return Err(CalibrateError::NotInView(found));
     }
     if brightest < CONTRAST_MIN {
-        return Err(CalibrateError::TooDark {
-            found_percent: 100.0 * brightest,
-            allowed_percent: 100.0 * CONTRAST_MIN,
-        });
+        return Err(CalibrateError::TooDark(brightest));
     }
     let unlit = contrast.iter().filter(|&&c| c < LIT_SHARE * brightest).count();
     if unlit > 0 {
         let share = 100.0 * unlit as f64 / contrast.len() as f64;
-        return Err(CalibrateError::NotInView {
-            found: format!(
-                "{share:.0} % of the camera's picture stays dark when the panel is white"
-            ),
-        });
+        let found =
+            format!("{share:.0} % of the camera's picture stays dark when the panel is white");
+        return Err(CalibrateError::NotInView(found));
     }
     Ok(())
 }
@@ -99,10 +91,7 @@ pub(super) fn settled(
     });
     let residual = residual.into_iter().fold(0.0, f64::max);
     if residual > RESIDUAL_MAX {
-        return Err(CalibrateError::TooSoon {
-            found_percent: 100.0 * residual,
-            allowed_percent: 100.0 * RESIDUAL_MAX,
-        });
+        return Err(CalibrateError::TooSoon(residual));
     }
     Ok(())
 }
@@ -124,12 +113,12 @@ fn cells(plane: &Plane<u16>, rows: &[usize], value: impl Fn(usize, u16) -> f64) 
 pub(super) fn board(error: CheckerboardError) -> CalibrateError {
     match error {
         CheckerboardError::NoSpot { .. } | CheckerboardError::SpotsInLine => {
-            CalibrateError::NotInView { found: error.to_string() }
+            CalibrateError::NotInView(error.to_string())
         }
-        CheckerboardError::NoCorners { .. } => CalibrateError::WrongFocus {
-            found: error.to_string(),
-            allowed: "blur narrower than half a square".to_owned(),
-        },
+        CheckerboardError::NoCorners { .. } => {
+            let allowed = "blur narrower than half a square".to_owned();
+            CalibrateError::WrongFocus(error.to_string(), allowed)
+        }
     }
 }
 
@@ -139,10 +128,10 @@ pub(super) fn board(error: CheckerboardError) -> CalibrateError {
 /// [`CalibrateError::WrongFocus`].
 pub(super) fn corners(found: usize, expected: usize) -> Result<(), CalibrateError> {
     if (found as f64) < CORNERS_MIN * expected as f64 {
-        return Err(CalibrateError::WrongFocus {
-            found: format!("{found} of {expected} corners of the checkerboard were found"),
-            allowed: format!("{:.0} % or more", 100.0 * CORNERS_MIN),
-        });
+        return Err(CalibrateError::WrongFocus(
+            format!("{found} of {expected} corners of the checkerboard were found"),
+            format!("{:.0} % or more", 100.0 * CORNERS_MIN),
+        ));
     }
     Ok(())
 }
@@ -162,10 +151,8 @@ pub(super) fn still(first: &[Pair], second: &[Pair]) -> Result<(), CalibrateErro
     shifts.sort_by(f64::total_cmp);
     let median = shifts.get(shifts.len() / 2).copied().unwrap_or(f64::INFINITY);
     if median > SHIFT_MAX_PX {
-        return Err(CalibrateError::Moving {
-            found: format!("the picture moved by {median:.2} px"),
-            allowed: format!("{SHIFT_MAX_PX} px"),
-        });
+        let found = format!("the picture moved by {median:.2} px");
+        return Err(CalibrateError::Moving(found, format!("{SHIFT_MAX_PX} px")));
     }
     Ok(())
 }
@@ -179,10 +166,8 @@ pub(super) fn repeats(difference: f64, noise: f64) -> Result<(), CalibrateError>
     // √2 for the noise of both captures, and half as much again for its variation with light.
     let allowed = 1.5 * std::f64::consts::SQRT_2 * noise;
     if difference > allowed {
-        return Err(CalibrateError::Moving {
-            found: format!("light changed by {difference:.2} grey levels RMS"),
-            allowed: format!("{allowed:.2}"),
-        });
+        let found = format!("light changed by {difference:.2} grey levels RMS");
+        return Err(CalibrateError::Moving(found, format!("{allowed:.2}")));
     }
     Ok(())
 }
@@ -194,21 +179,20 @@ pub(super) fn repeats(difference: f64, noise: f64) -> Result<(), CalibrateError>
 pub(super) fn straight(channel: Channel, linearity: &Linearity) -> Result<(), CalibrateError> {
     match linearity.bend() {
         None => Ok(()),
-        Some(Bend { times, found, allowed: [least, most] }) => Err(CalibrateError::NotLinear {
-            channel: channel.name(),
-            found: format!("{times} times the exposure gives {found:.2} times the counts"),
-            allowed: format!("{least:.2} to {most:.2}"),
-        }),
+        Some(Bend { times, found, allowed: [least, most] }) => {
+            let found = format!(
+                "{times} times the exposure gives {found:.2} times the counts, allowed {least:.2} \
+                 to {most:.2}"
+            );
+            Err(CalibrateError::NotLinear(channel, found))
+        }
     }
 }
 
 /// The error for counts that no rising curve explains.
 pub(super) fn no_curve() -> CalibrateError {
-    CalibrateError::NotLinear {
-        channel: Channel::Green.name(),
-        found: "no rising curve fits the counts of longer exposures".to_owned(),
-        allowed: "counts that rise with light".to_owned(),
-    }
+    let found = "no rising curve fits the counts of longer exposures".to_owned();
+    CalibrateError::NotLinear(Channel::Green, found)
 }
 
 /// Checks that the panel covers the whole canvas.
@@ -222,12 +206,10 @@ pub(super) fn on_panel(geometry: &Geometry, panel: Size) -> Result<(), Calibrate
         let off = [-0.5 - u, u - panel.width as f64 + 0.5, -0.5 - v, v - panel.height as f64 + 0.5];
         let off = off.into_iter().fold(0.0, f64::max);
         if off > 0.0 {
-            return Err(CalibrateError::NotInView {
-                found: format!(
-                    "point ({x:.0}, {y:.0}) of the photo's canvas lies {off:.0} panel pixels \
-                     outside the panel"
-                ),
-            });
+            return Err(CalibrateError::NotInView(format!(
+                "point ({x:.0}, {y:.0}) of the photo's canvas lies {off:.0} panel pixels outside \
+                 the panel"
+            )));
         }
     }
     Ok(())
@@ -246,12 +228,10 @@ pub(super) fn focus(
     // A Gaussian of this RMS radius has 98 % of its light within half the support.
     let allowed = support_px / 2.0 / 1.98;
     if radius_px > allowed {
-        return Err(CalibrateError::WrongFocus {
-            found: format!("the lens blurs to {radius_px:.1} px RMS where it is sharpest"),
-            allowed: format!(
-                "{allowed:.1} px (function-support-px of the rig file is {written_px})"
-            ),
-        });
+        return Err(CalibrateError::WrongFocus(
+            format!("the lens blurs to {radius_px:.1} px RMS where it is sharpest"),
+            format!("{allowed:.1} px (function-support-px of the rig file is {written_px})"),
+        ));
     }
     Ok(())
 }

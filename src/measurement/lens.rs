@@ -190,10 +190,7 @@ fn measure_noise(
     for c in Channel::ALL {
         let flat = photometric::flat_places(session, calibration, c, &gradation);
         let [first, second] = pair.each_ref().map(|seen| seen.light.plane(c));
-        let refuse = || CalibrateError::Response {
-            channel: c.name(),
-            found: "its noise cannot be measured".to_owned(),
-        };
+        let refuse = || CalibrateError::Response(c, "its noise cannot be measured".to_owned());
         calibration.noise[c.index()] =
             noise::fit(first, second, pair[0].trusted.plane(c), &flat).ok_or_else(refuse)?;
     }

@@ -40,8 +40,7 @@ use crate::calibration::{
 use crate::config;
 use crate::deconvolution::lens_model::LensFunctions;
 use crate::deconvolution::level_norms::LevelNorms;
-use crate::frame::{Frame, SensorSpace};
-use crate::patterns::{self, Trial};
+use crate::frame::{Codes, Frame, SensorSpace};
 use crate::rig::exposure::Devices;
 use crate::rig::frame_mark::MarkPlace;
 use session::{Session, numbers};
@@ -145,12 +144,12 @@ fn blank(config: &config::RigFile, geometry: [Geometry; 3]) -> Calibration {
 fn trials(session: &mut Session<'_>) -> Result<Frame<SensorSpace>, CalibrateError> {
     session.step("trials");
     let panel = session.layout.panel;
-    let first = session.raw(&patterns::trial(panel, Trial::Black))?;
-    let white = session.raw(&patterns::trial(panel, Trial::White))?;
+    let first = session.raw(&Codes::filled(panel, 0))?;
+    let white = session.raw(&Codes::filled(panel, 255))?;
     let marks = MarkPlace::of(session.config);
     let is_used = |row: usize| !marks.is_some_and(|marks| marks.reserves(row));
     judge::exposure(&white, &first, session.layout.saturated, &is_used)?;
-    let second = session.raw(&patterns::trial(panel, Trial::Black))?;
+    let second = session.raw(&Codes::filled(panel, 0))?;
     judge::settled(&white, [&first, &second], &is_used)?;
     let (mut black, second) = (numbers(&first), numbers(&second));
     for (a, b) in black.planes_mut().iter_mut().zip(second.planes()) {

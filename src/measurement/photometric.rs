@@ -42,7 +42,7 @@ pub(super) fn dark_corner(
         let (ratio, counts) = surfaces::normalised(&surface, photo);
         if !counts.is_finite() || counts <= 0.0 {
             let found = format!("code 128 gives {counts:.1} counts over black");
-            return Err(CalibrateError::Response { channel: c.name(), found });
+            return Err(CalibrateError::Response(c, found));
         }
         calibration.dark_corner[c.index()] = ratio;
         calibration.counts_per_level[c.index()] = counts as f32;
@@ -67,7 +67,7 @@ pub(super) fn cross_channel(
             let over = Frame::from_fn(|k| difference(seen.plane(k), black.plane(k)));
             readings.extend(read(session, calibration, c, &gradation, &over));
         }
-        let refuse = |found: String| CalibrateError::Response { channel: c.name(), found };
+        let refuse = |found: String| CalibrateError::Response(c, found);
         c_matrix[i] = cross_channel::row(i, &readings)
             .ok_or_else(|| refuse("gradations show no contrast".to_owned()))?;
         let curve = response::among_neighbours(i, &readings).map_err(|e| refuse(e.to_string()))?;

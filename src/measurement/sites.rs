@@ -2,7 +2,7 @@
 
 use super::CalibrateError;
 use super::session::{Session, difference, rim_px, smooth};
-use crate::calibration::response_pattern::{BAD_SHARE_MAX, EvenlyLit, ResponsePattern};
+use crate::calibration::response_pattern::{EvenlyLit, ResponsePattern};
 use crate::calibration::{Calibration, Layout, dark_corner};
 use crate::frame::{Channel, Frame, Plane, Rect, SensorSpace, Work};
 use crate::patterns;
@@ -71,11 +71,7 @@ pub(super) fn pattern(
         mosaic: layout.canvas_mosaic(),
         rim_px: rim,
     };
-    calibration.pattern =
-        ResponsePattern::fit(&seen).map_err(|share| CalibrateError::BadSites {
-            found_percent: 100.0 * share,
-            allowed_percent: 100.0 * BAD_SHARE_MAX,
-        })?;
+    calibration.pattern = ResponsePattern::fit(&seen).map_err(CalibrateError::BadSites)?;
     Ok(())
 }
 

@@ -14,37 +14,16 @@ use crate::frame::{Channel, Codes, Frame, Plane, Size};
 pub use chart::chart;
 pub use gradation::{Gradation, GradationBlock};
 
-/// Trial pictures for checks before a calibration.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Trial {
-    /// All codes 0.
-    Black,
-    /// All codes 255.
-    White,
-    /// All codes 128.
-    Grey,
-    /// One bright spot per channel, at [`locator_spots`].
-    Locator,
-}
-
-/// A trial picture for a panel of `size`.
-pub fn trial(size: Size, which: Trial) -> Codes {
-    match which {
-        Trial::Black => flat(size, [0; 3]),
-        Trial::White => flat(size, [255; 3]),
-        Trial::Grey => flat(size, [128; 3]),
-        Trial::Locator => {
-            let radius = locator_radius_px(size);
-            let spots = locator_spots(size);
-            Codes::from_fn(|c| {
-                let (cx, cy) = spots[c.index()];
-                Plane::from_fn(size, |x, y| {
-                    let (dx, dy) = (x as f64 - cx, y as f64 - cy);
-                    if dx * dx + dy * dy < radius * radius { 255 } else { 0 }
-                })
-            })
-        }
-    }
+/// One bright spot per channel, at [`locator_spots`], for a panel of `size`.
+pub fn locator(size: Size) -> Codes {
+    let (radius, spots) = (locator_radius_px(size), locator_spots(size));
+    Codes::from_fn(|c| {
+        let (cx, cy) = spots[c.index()];
+        Plane::from_fn(size, |x, y| {
+            let (dx, dy) = (x as f64 - cx, y as f64 - cy);
+            if dx * dx + dy * dy < radius * radius { 255 } else { 0 }
+        })
+    })
 }
 
 /// Positions of the locator's spots, panel pixels: red left of the centre, green right of it, blue
@@ -136,7 +115,7 @@ mod tests {
     #[test]
     fn locator_spots_are_in_their_channels() {
         let size = Size::new(320, 180);
-        let codes = trial(size, Trial::Locator);
+        let codes = locator(size);
         for c in Channel::ALL {
             let (x, y) = locator_spots(size)[c.index()];
             assert_eq!(codes.plane(c).at(x.round() as usize, y.round() as usize), 255);

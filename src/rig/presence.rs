@@ -3,8 +3,7 @@
 use super::RigError;
 use super::exposure::Devices;
 use super::shoot::{CountRange, mean};
-use crate::frame::Mosaic;
-use crate::patterns::{Trial, trial};
+use crate::frame::{Codes, Mosaic};
 
 /// Minimum difference for a panel before the lens, as a share of the count range. Guess: a panel's
 /// white fills half of it or more, one elsewhere in the room almost nothing.
@@ -21,13 +20,13 @@ pub fn is_panel_there(
     range: CountRange,
 ) -> Result<bool, RigError> {
     let size = devices.panel.size();
-    let mut light = |shown| {
-        let exposed = devices.capture_unproven(&trial(size, shown))?;
+    let mut light = |code| {
+        let exposed = devices.capture_unproven(&Codes::filled(size, code))?;
         let light = mean(&exposed.counts, mosaic);
         devices.camera.give_back(exposed.counts);
         Ok::<f64, RigError>(light)
     };
-    let (before, white, after) = (light(Trial::Black)?, light(Trial::White)?, light(Trial::Black)?);
+    let (before, white, after) = (light(0)?, light(255)?, light(0)?);
     let whole = f64::from(range.max) - range.black;
     Ok(white - before.max(after) > DIFFERENCE_MIN * whole)
 }

@@ -149,9 +149,6 @@ fn invalid_slots_are_refused() {
     let path = folder.path().join("calibration-a.slot");
     let mut header = b"relenscl".to_vec();
     header.extend(store::VERSION.to_le_bytes());
-    header.extend(7u64.to_le_bytes());
-    header.extend(1u32.to_le_bytes());
-    header.extend(64u32.to_le_bytes());
     let (mut mutator, mut parsed) = (Mutator(5), 0);
     for n in 0..2000 {
         let mut bytes = header.clone();

@@ -8,6 +8,7 @@ mod change;
 mod colour;
 mod colour_crops;
 mod conditions;
+mod csv;
 mod figures;
 mod harness;
 mod jpeg;

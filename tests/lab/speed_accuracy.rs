@@ -7,12 +7,12 @@ use std::path::Path;
 use relens::chart::Chart;
 use relens::chart::contestants::{Contestant, contestants};
 use relens::chart::scenes::Scene;
-use relens::chart::table::Table;
 use relens::chart::test_rig::{PictureQuality, Score, TestRig};
 use relens::chart::trade::{Point, Trade};
 use relens::config::RigFile;
 
 use crate::capture_sharpening::sharpen;
+use crate::csv::cells_of_csv;
 use crate::made::{self, Made};
 use crate::{Failure, report, seconds};
 
@@ -108,7 +108,7 @@ fn sharpened(test_rig: &mut TestRig, sigma_px: f32) -> Result<Point, Failure> {
 /// The points of a table of scores ([`Trade::score_table`]) as CSV.
 fn read(text: &str) -> Result<Trade, Failure> {
     let mut trade = Trade::default();
-    for (n, cells) in Table::cells_of_csv(text).into_iter().enumerate().skip(1) {
+    for (n, cells) in cells_of_csv(text).into_iter().enumerate().skip(1) {
         let (point, score) = row(&cells).ok_or_else(|| format!("row {n} holds no score"))?;
         match trade.points.last_mut().filter(|last| last.name() == point.name()) {
             Some(last) => last.scores.push(score),

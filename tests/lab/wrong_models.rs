@@ -12,6 +12,7 @@ use relens::config::{MethodName, RigFile};
 use relens::pipeline::Setting;
 
 use crate::change::{Change, DECENTRED, NOTHING, SCENE_AT, SMEARED, VEIL_MISSED};
+use crate::csv::cells_of_csv;
 use crate::harness::{Harness, calibration};
 use crate::made::Made;
 use crate::{Failure, report};
@@ -160,7 +161,7 @@ pub(crate) fn run(rig: &RigFile, quick: bool) -> Result<Made, Failure> {
 
 /// Draws stored rows.
 pub(crate) fn redrawn(rig: &RigFile, rows: &str) -> Result<Made, Failure> {
-    let rows = Table::cells_of_csv(rows).into_iter().skip(1);
+    let rows = cells_of_csv(rows).into_iter().skip(1);
     let rows: Option<Vec<Row>> = rows.map(|cells| Row::of_cells(&cells)).collect();
     Ok(made(rig, &rows.ok_or("a row of the file is none of wrong-models")?))
 }
