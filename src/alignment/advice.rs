@@ -3,7 +3,6 @@
 
 use std::fmt;
 
-use super::steadiness::Steadiness;
 use super::{Aim, Brightness, PLACES};
 use crate::frame::Size;
 use crate::measurement::Linearity;
@@ -32,8 +31,6 @@ const CLIPPED_MAX: f64 = 0.001;
 /// Largest change of light between exposures of whole refreshes. Guess: three times that of a good
 /// backlight.
 const FLICKER_MAX: f64 = 0.01;
-/// Largest change of light over all captures once the panel is warm. Guess.
-const DRIFT_MAX: f64 = 0.01;
 /// Most sensor pixels per panel pixel: the panel must resolve all that the sensor resolves.
 const MAGNIFICATION_MAX: f64 = 1.0;
 /// Size of a well-placed panel in the picture over the sensor's.
@@ -291,34 +288,5 @@ impl Aim {
                 format!("{why}: move the panel {way}, to {:.0} % of its distance", 100.0 * times),
             ),
         ]
-    }
-}
-
-impl Steadiness {
-    /// Advice on unsteady light.
-    pub fn advice(&self) -> Vec<Advice> {
-        let rows = [
-            Advice::flicker(self.flicker),
-            Advice::when(
-                self.bands > FLICKER_MAX,
-                Action::Other,
-                format!(
-                    "bands across the picture change by {:.1} %: the exposure is no whole number \
-                     of the backlight's periods; set the panel to its full brightness",
-                    100.0 * self.bands
-                ),
-            ),
-            Advice::when(
-                self.drift.abs() > DRIFT_MAX,
-                Action::Other,
-                format!(
-                    "the light {} by {:.1} %: let the panel warm up, and switch off its automatic \
-                     brightness",
-                    if self.drift < 0.0 { "fell" } else { "rose" },
-                    100.0 * self.drift.abs()
-                ),
-            ),
-        ];
-        rows.into_iter().flatten().collect()
     }
 }

@@ -3,11 +3,11 @@
 
 mod advice;
 mod dots;
+mod light;
 mod pose;
 mod report;
 mod sharpness;
 mod sites;
-mod steadiness;
 #[cfg(test)]
 mod tests;
 
@@ -18,11 +18,11 @@ use crate::rig::exposure::Devices;
 use crate::rig::shoot::clipped_share;
 
 pub use advice::{Action, Advice, FocusTurn};
+pub use light::GREYS;
 pub use pose::Aim;
 pub use report::AlignmentReport;
 pub use sharpness::{FocusHistory, Sharpness};
 pub use sites::{GreenSites, PLACES};
-pub use steadiness::{GREYS, Steadiness};
 
 /// One reading of the focus pattern.
 #[derive(Debug, Clone, Copy, PartialEq)]

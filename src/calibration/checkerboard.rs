@@ -32,12 +32,9 @@ pub enum CheckerboardError {
     /// The spots are collinear.
     #[error("the three spots are in a line: the panel is seen edge-on or in a reflection")]
     SpotsInLine,
-    /// No corner in the middle of the board.
-    #[error("none of the {tried} corners near the middle of the picture was found")]
-    NoCorners {
-        /// Number of corners tried.
-        tried: usize,
-    },
+    /// No corner in the middle of the board, of this many tried.
+    #[error("none of the {0} corners near the middle of the picture was found")]
+    NoCorners(usize),
 }
 
 /// An affine map of the plane, panel → sensor.
@@ -154,7 +151,7 @@ pub fn corners(
         found.extend(finder.refine(x, y, parity(a, b)).map(|saddle| ((a, b), saddle)));
     }
     if found.is_empty() {
-        return Err(CheckerboardError::NoCorners { tried: starts.len() });
+        return Err(CheckerboardError::NoCorners(starts.len()));
     }
     board.trace(&finder, &mut found, starts);
     let mut twists: Vec<f64> = found.values().map(|s| s.twist.abs()).collect();
@@ -400,7 +397,7 @@ mod tests {
     fn a_grey_picture_has_no_corners() {
         let grey = Plane::filled(Size::new(400, 300), 90.0);
         let error = corners(&grey, PANEL, SQUARE, &first_guess()).unwrap_err();
-        assert_eq!(error, CheckerboardError::NoCorners { tried: 9 });
+        assert_eq!(error, CheckerboardError::NoCorners(9));
     }
 
     #[test]

@@ -93,27 +93,16 @@ impl Layout {
 /// Why a calibration cannot be applied.
 #[derive(Debug, thiserror::Error)]
 pub enum CorrectionError {
-    /// It is for another photo or canvas size.
+    /// It is for another photo or canvas: photo and margin of the calibration, and of the rig file.
     #[error(
-        "the calibration is for a photo of {found} with a margin of {found_margin_px} px; the rig \
-         file has {allowed} and {allowed_margin_px} px"
+        "the calibration is for a photo of {} with a margin of {} px; the rig file has {} and {} \
+         px",
+        .0.0, .0.1, .1.0, .1.1
     )]
-    Sizes {
-        /// Photo calibrated for.
-        found: Size,
-        /// Margin calibrated for.
-        found_margin_px: usize,
-        /// Photo of the rig file.
-        allowed: Size,
-        /// Margin of the rig file.
-        allowed_margin_px: usize,
-    },
-    /// The mixing matrix is singular.
-    #[error("the calibration's mixing of channels cannot be inverted: {found:?}")]
-    Mixing {
-        /// The mixing matrix C.
-        found: [[f32; 3]; 3],
-    },
+    Sizes((Size, usize), (Size, usize)),
+    /// The mixing matrix C is singular.
+    #[error("the calibration's mixing of channels cannot be inverted: {0:?}")]
+    Mixing([[f32; 3]; 3]),
 }
 
 impl Remediable for CorrectionError {
@@ -165,16 +154,13 @@ impl Correction {
     /// # Errors
     /// When the calibration is for other sizes, or its mixing cannot be inverted.
     pub fn new(calibration: &Calibration, layout: Layout) -> Result<Correction, CorrectionError> {
-        if (calibration.photo, calibration.margin_px) != (layout.photo, layout.margin_px) {
-            return Err(CorrectionError::Sizes {
-                found: calibration.photo,
-                found_margin_px: calibration.margin_px,
-                allowed: layout.photo,
-                allowed_margin_px: layout.margin_px,
-            });
+        let (found, allowed) =
+            ((calibration.photo, calibration.margin_px), (layout.photo, layout.margin_px));
+        if found != allowed {
+            return Err(CorrectionError::Sizes(found, allowed));
         }
-        let found = calibration.cross_channel.c;
-        let unmix = calibration.cross_channel.inverse().ok_or(CorrectionError::Mixing { found })?;
+        let mixing = calibration.cross_channel.c;
+        let unmix = calibration.cross_channel.inverse().ok_or(CorrectionError::Mixing(mixing))?;
         let canvas = layout.canvas();
         let on_canvas = |surface: &Surface| layout.on_canvas(surface);
         let gain = |c: Channel| {

@@ -6,11 +6,8 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum CurveError {
     /// The table has another length.
-    #[error("a response curve of {found} entries; 256 are allowed")]
-    Length {
-        /// Entries found.
-        found: usize,
-    },
+    #[error("a response curve of {0} entries; 256 are allowed")]
+    Length(usize),
     /// Light does not increase with the code.
     #[error(
         "light does not increase from code {code} to the next ({from} to {to}); a panel's response \
@@ -38,7 +35,7 @@ impl TryFrom<Vec<f32>> for ResponseCurve {
 
     fn try_from(light: Vec<f32>) -> Result<Self, CurveError> {
         if light.len() != 256 {
-            return Err(CurveError::Length { found: light.len() });
+            return Err(CurveError::Length(light.len()));
         }
         for (code, pair) in light.windows(2).enumerate() {
             // Negated so that NaN fails too.
@@ -172,6 +169,6 @@ mod tests {
         ));
         table[7] = f32::NAN;
         assert!(ResponseCurve::try_from(table).is_err());
-        assert_eq!(ResponseCurve::try_from(vec![0.0; 3]), Err(CurveError::Length { found: 3 }));
+        assert_eq!(ResponseCurve::try_from(vec![0.0; 3]), Err(CurveError::Length(3)));
     }
 }

@@ -36,34 +36,24 @@ pub struct OtherFocus {
 pub enum FocusError {
     /// The offset is out of range.
     #[error(
-        "found a focus offset of {found}, allowed {SAME_OFFSET} to {OFFSET_MAX} dioptres nearer \
+        "found a focus offset of {0}, allowed {SAME_OFFSET} to {OFFSET_MAX} dioptres nearer \
          or farther (negative)"
     )]
-    Offset {
-        /// The offset.
-        found: f32,
-    },
+    Offset(f32),
     /// Too many focuses are stored.
     #[error(
         "{FOCUSES_MAX} other focuses are stored already; `relens calibrate --forget-focuses` \
          deletes them"
     )]
     TooMany,
-    /// The functions are on another grid.
+    /// The functions are on another grid: number and width of the functions, and of those in the
+    /// panel's focus.
     #[error(
-        "the lens was measured with {found} functions of {found_px} px; allowed {allowed} of \
-         {allowed_px} px, as in the panel's focus"
+        "the lens was measured with {} functions of {} px; allowed {} of {} px, as in the panel's \
+         focus",
+        .0[0], .0[1], .1[0], .1[1]
     )]
-    Grid {
-        /// Number of functions.
-        found: usize,
-        /// Their width.
-        found_px: usize,
-        /// Number of functions in the panel's focus.
-        allowed: usize,
-        /// Their width.
-        allowed_px: usize,
-    },
+    Grid([usize; 2], [usize; 2]),
 }
 
 impl Remediable for FocusError {
@@ -87,12 +77,8 @@ impl Calibration {
         let (found, allowed) = (&measured.functions, &self.functions);
         let grid = |f: &LensFunctions| (f.rows, f.columns, f.support_px);
         if grid(found) != grid(allowed) {
-            return Err(FocusError::Grid {
-                found: found.rows * found.columns,
-                found_px: found.support_px,
-                allowed: allowed.rows * allowed.columns,
-                allowed_px: allowed.support_px,
-            });
+            let [found, allowed] = [found, allowed].map(|f| [f.rows * f.columns, f.support_px]);
+            return Err(FocusError::Grid(found, allowed));
         }
         let mut after = self.clone();
         after.focuses.retain(|focus| (focus.offset - offset).abs() >= SAME_OFFSET);
@@ -169,7 +155,7 @@ impl Calibration {
 /// # Errors
 /// [`FocusError::Offset`] if not.
 pub fn focus_offset(offset: f32) -> Result<f32, FocusError> {
-    is_offset(offset).then_some(offset).ok_or(FocusError::Offset { found: offset })
+    is_offset(offset).then_some(offset).ok_or(FocusError::Offset(offset))
 }
 
 fn is_offset(offset: f32) -> bool {

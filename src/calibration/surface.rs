@@ -33,25 +33,18 @@ pub struct Sample {
     pub value: f64,
 }
 
+/// Fewest samples: three by three determine bending in both directions.
+const SAMPLES_MIN: usize = 9;
+
 /// Why a surface could not be fitted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum SurfaceError {
-    /// Too few samples for any smooth surface.
-    #[error("{found} samples for a smooth surface; at least {allowed} are needed")]
-    TooFewSamples {
-        /// Samples given.
-        found: usize,
-        /// Fewest samples accepted.
-        allowed: usize,
-    },
-    /// The samples do not determine the surface (all on a line, or not finite).
-    #[error(
-        "{found} samples do not determine a smooth surface: they lie on a line or are not numbers"
-    )]
-    Undetermined {
-        /// Samples given.
-        found: usize,
-    },
+    /// Too few samples for any smooth surface: their number.
+    #[error("{0} samples for a smooth surface; at least {SAMPLES_MIN} are needed")]
+    TooFewSamples(usize),
+    /// The samples, this many, do not determine the surface (all on a line, or not finite).
+    #[error("{0} samples do not determine a smooth surface: they lie on a line or are not numbers")]
+    Undetermined(usize),
 }
 
 /// A smooth function of two variables.
@@ -69,7 +62,7 @@ impl Surface {
     /// misfits plus `bending` × squared second differences, relative to one sample per coefficient.
     ///
     /// # Errors
-    /// When the samples are too few (below nine) or do not determine a surface.
+    /// When the samples are too few (below [`SAMPLES_MIN`]) or do not determine a surface.
     pub fn fit(
         domain: Domain,
         columns: usize,
@@ -285,9 +278,8 @@ impl NormalEquations {
     }
 
     fn solve(mut self, bending: f64) -> Result<Surface, SurfaceError> {
-        // Three by three samples are the least that determine bending in both directions.
-        if self.samples < 9 {
-            return Err(SurfaceError::TooFewSamples { found: self.samples, allowed: 9 });
+        if self.samples < SAMPLES_MIN {
+            return Err(SurfaceError::TooFewSamples(self.samples));
         }
         let (w, h) = (self.shape.columns + 3, self.shape.rows + 3);
         let weight = bending * self.samples as f64 / (w * h) as f64;
@@ -316,7 +308,7 @@ impl NormalEquations {
                 }
             }
         }
-        let undetermined = SurfaceError::Undetermined { found: self.samples };
+        let undetermined = SurfaceError::Undetermined(self.samples);
         let factor: Cholesky<f64, Dyn> = Cholesky::new(self.matrix).ok_or(undetermined)?;
         let coefficients: Vec<f64> = factor.solve(&self.right).iter().copied().collect();
         if coefficients.iter().any(|c| !c.is_finite()) {
@@ -395,9 +387,6 @@ mod tests {
     #[test]
     fn few_samples_are_refused() {
         let few = grid(7.0).into_iter().take(4);
-        assert_eq!(
-            Surface::fit(DOMAIN, 2, 2, few, 1e-3),
-            Err(SurfaceError::TooFewSamples { found: 4, allowed: 9 })
-        );
+        assert_eq!(Surface::fit(DOMAIN, 2, 2, few, 1e-3), Err(SurfaceError::TooFewSamples(4)));
     }
 }

@@ -116,15 +116,9 @@ fn measure_light(view: &mut RigView<'_>, rig: &RigFile) -> Result<(), CliError> 
         100.0 * white.white,
         100.0 * white.clipped_share
     ));
-    let steady = view.measure_steadiness(&mut |_| {}).map_err(CliError::of)?;
-    todo.extend(steady.advice());
-    say(&format!(
-        "over {GREYS} captures of grey: {:.2} % of change from one to the next, {:.2} % in bands, \
-         {:+.2} % from first to last",
-        100.0 * steady.flicker,
-        100.0 * steady.bands,
-        100.0 * steady.drift
-    ));
+    let flicker = view.measure_flicker().map_err(CliError::of)?;
+    todo.extend(Advice::flicker(flicker));
+    say(&format!("flicker over {GREYS} captures of grey: {:.2} %", 100.0 * flicker));
     match view.measure_linearity(rig).map_err(CliError::of)? {
         Some(linear) => {
             let [twice, thrice] = linear.ratios;

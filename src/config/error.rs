@@ -8,14 +8,8 @@ use crate::remedy::{Remediable, Remedy};
 #[derive(Debug, thiserror::Error)]
 pub enum ConfigError {
     /// The file cannot be read.
-    #[error("cannot read the rig file {path}")]
-    Read {
-        /// File.
-        path: PathBuf,
-        /// Cause.
-        #[source]
-        source: std::io::Error,
-    },
+    #[error("cannot read the rig file {0}")]
+    Read(PathBuf, #[source] std::io::Error),
     /// There is no such file.
     #[error(
         "found no rig file {path}{near}{} a file or a built-in one: {names}",
@@ -71,15 +65,12 @@ pub enum ConfigError {
         /// Values allowed.
         allowed: String,
     },
-    /// Real rig in a program without device support.
+    /// Real rig, in this file, in a program without device support.
     #[error(
-        "{at}: this is a rig of real devices, but this relens was built without support for them; \
+        "{0}: this is a rig of real devices, but this relens was built without support for them; \
          build it with `--features hardware` or use a simulated rig"
     )]
-    NoHardware {
-        /// File and line.
-        at: String,
-    },
+    NoHardware(String),
 }
 
 impl Remediable for ConfigError {

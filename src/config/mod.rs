@@ -72,7 +72,7 @@ pub fn load(path: &Path) -> Result<RigFile, ConfigError> {
         Ok(text) => parse(&text, &path.display().to_string()),
         Err(source) => {
             if source.kind() != std::io::ErrorKind::NotFound {
-                return Err(ConfigError::Read { path: path.to_owned(), source });
+                return Err(ConfigError::Read(path.to_owned(), source));
             }
             let is_named = |name: &str| {
                 path == Path::new(name) || path == Path::new(name.trim_end_matches(".toml"))

@@ -13,7 +13,7 @@ use super::written::{KindWord, RigTables};
 /// Checks the rules across keys and computes the identity.
 pub(super) fn check(written: RigTables, places: &Places) -> Result<RigFile, ConfigError> {
     if written.rig.kind == KindWord::Hardware && !cfg!(feature = "hardware") {
-        return Err(ConfigError::NoHardware { at: places.file.clone() });
+        return Err(ConfigError::NoHardware(places.file.clone()));
     }
     check_canvas(places, &written)?;
     check_marks(places, &written)?;

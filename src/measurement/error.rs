@@ -1,6 +1,5 @@
 //! Errors of a calibration, by what the operator has to do.
 
-use super::judge::{CONTRAST_MIN, RESIDUAL_MAX, SATURATED_MAX};
 use crate::calibration::CorrectionError;
 use crate::calibration::lens_blur::LensBlurError;
 use crate::calibration::response_pattern::BAD_SHARE_MAX;
@@ -8,6 +7,15 @@ use crate::calibration::surface::SurfaceError;
 use crate::frame::Channel;
 use crate::remedy::{Remediable, Remedy};
 use crate::rig::RigError;
+
+/// Largest share of saturated pixels in the brightest cell of white. White may reach the largest
+/// count; noise then saturates half of the pixels, and rounding some more.
+pub(super) const SATURATED_MAX: f64 = 0.98;
+/// Least white over black, as a share of full scale: 38 counts of an 8-bit camera. Guess.
+pub(super) const CONTRAST_MIN: f64 = 0.15;
+/// Largest residual of the previous picture in a frame, as a share: one grey level of 255;
+/// `relens check` allows half.
+pub(super) const RESIDUAL_MAX: f64 = 0.004;
 
 /// Why a calibration failed. The stored calibration stays.
 #[derive(Debug, thiserror::Error)]
@@ -66,15 +74,15 @@ pub enum CalibrateError {
     WrongFocus(String, String),
     /// A channel does not respond to the panel: the finding.
     #[error(
-        "the {name} channel does not respond to the panel: {found}; run `relens check` to see whether \
-         panel.settle-ms is too short or the panel is out of view",
+        "the {name} channel does not respond to the panel: {found}; run `relens check` to see \
+         whether panel.settle-ms is too short or the panel is out of view",
         name = .0.name(), found = .1
     )]
     Response(Channel, String),
     /// The counts of a channel are not linear in light: the finding, with what is allowed.
     #[error(
-        "the camera's counts are not linear in light: in the {name} channel {found}; switch off its gamma \
-         and contrast, or use its raw pictures",
+        "the camera's counts are not linear in light: in the {name} channel {found}; switch off \
+         its gamma and contrast, or use its raw pictures",
         name = .0.name(), found = .1
     )]
     NotLinear(Channel, String),

@@ -1,6 +1,6 @@
 //! Checks of a rig by trial captures, each failure with its own error.
 
-use super::CalibrateError;
+use super::error::{CONTRAST_MIN, CalibrateError, RESIDUAL_MAX, SATURATED_MAX};
 use super::linearity::{Bend, Linearity};
 use crate::calibration::checkerboard::CheckerboardError;
 use crate::calibration::geometric::{Geometry, Pair};
@@ -8,11 +8,6 @@ use crate::frame::{Channel, Counts, Plane, Size};
 
 /// Cells along each side of the sensor in which exposure and view are checked.
 const CELLS: usize = 16;
-/// Largest share of saturated pixels in the brightest cell of white. White may reach the largest
-/// count; noise then saturates half of the pixels, and rounding some more.
-pub(super) const SATURATED_MAX: f64 = 0.98;
-/// Least white over black, as a share of full scale: 38 counts of an 8-bit camera. Guess.
-pub(super) const CONTRAST_MIN: f64 = 0.15;
 /// Least share of full scale that counts as light of the panel. Guess.
 const LIGHT_MIN: f64 = 0.005;
 /// Least light of a lit cell, as a share of the brightest; vignetting is weaker. Guess.
@@ -20,9 +15,6 @@ const LIT_SHARE: f64 = 0.2;
 /// Largest motion of a corner between two captures, sensor pixels: a registration error of half a
 /// pixel is harmful (study).
 const SHIFT_MAX_PX: f64 = 0.25;
-/// Largest residual of the previous picture in a frame, as a share: one grey level of 255;
-/// `relens check` allows half.
-pub(super) const RESIDUAL_MAX: f64 = 0.004;
 /// Least share of the corners in view that must be found.
 const CORNERS_MIN: f64 = 0.5;
 
@@ -115,7 +107,7 @@ pub(super) fn board(error: CheckerboardError) -> CalibrateError {
         CheckerboardError::NoSpot { .. } | CheckerboardError::SpotsInLine => {
             CalibrateError::NotInView(error.to_string())
         }
-        CheckerboardError::NoCorners { .. } => {
+        CheckerboardError::NoCorners(_) => {
             let allowed = "blur narrower than half a square".to_owned();
             CalibrateError::WrongFocus(error.to_string(), allowed)
         }

@@ -27,17 +27,9 @@ pub enum LensBlurError {
     /// Grid and support are invalid.
     #[error("the lens model cannot be set up")]
     Model(#[source] LensModelError),
-    /// Too few trusted pixels for some function.
-    #[error(
-        "too few trusted pixels for some lens function: {trusted} of {all} pixels are \
-         trusted"
-    )]
-    NotSeen {
-        /// Trusted pixels.
-        trusted: usize,
-        /// All pixels of the canvas.
-        all: usize,
-    },
+    /// Too few trusted pixels for some function: their number, and that of all pixels.
+    #[error("too few trusted pixels for some lens function: {0} of {1} pixels are trusted")]
+    NotSeen(usize, usize),
 }
 
 /// The grid of functions to fit.
@@ -125,9 +117,9 @@ impl FunctionFit {
         let (canvas, trusted) = (grid.canvas(), trusted.clone());
         let normal = overlaps::overlaps(&grid, &trusted);
         let diagonal = normal.trace() / normal.nrows() as f64;
-        let not_seen = || LensBlurError::NotSeen {
-            trusted: trusted.data().iter().filter(|&&t| t > 0).count(),
-            all: canvas.area(),
+        let not_seen = || {
+            let count = trusted.data().iter().filter(|&&t| t > 0).count();
+            LensBlurError::NotSeen(count, canvas.area())
         };
         // Less than a hundredth of the average weight is too little.
         if normal.diagonal().iter().any(|&d| d < 0.01 * diagonal) {
