@@ -30,8 +30,6 @@ const TAKES: u64 = 3;
 pub struct ChartPlan {
     /// Settings of methods, the rig file's own first.
     pub contestants: Vec<Contestant>,
-    /// Scenes.
-    pub scenes: Vec<Scene>,
     /// Photos of each scene.
     pub takes: u64,
 }
@@ -41,12 +39,12 @@ impl ChartPlan {
     /// their own.
     pub fn new(rig: &RigFile, quick: bool) -> ChartPlan {
         let takes = if quick || rig.simulation().is_none() { 1 } else { TAKES };
-        ChartPlan { contestants: contestants(rig), scenes: Scene::CHARTED.to_vec(), takes }
+        ChartPlan { contestants: contestants(rig), takes }
     }
 
     /// Number of restorations.
     pub fn restorations(&self) -> usize {
-        self.contestants.len() * self.scenes.len() * self.takes as usize
+        self.contestants.len() * Scene::CHARTED.len() * self.takes as usize
     }
 
     /// Scores every contestant on `test_rig`; `each` gets the contestant's name and the score.
@@ -60,7 +58,7 @@ impl ChartPlan {
     ) -> Result<Trade, TestRigError> {
         let mut trade = Trade::default();
         for contestant in &self.contestants {
-            trade.run(test_rig, &self.scenes, self.takes, contestant, each)?;
+            trade.run(test_rig, &Scene::CHARTED, self.takes, contestant, each)?;
         }
         Ok(trade)
     }

@@ -39,15 +39,8 @@ impl Scene {
     pub const STUDY_PHOTOGRAPHS: [Scene; 2] = [Scene::Astronaut, Scene::Coffee];
 
     /// Name in tables.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Scene::Astronaut => "astronaut",
-            Scene::Coffee => "coffee",
-            Scene::Rocket => "rocket",
-            Scene::Chart => "chart",
-            Scene::Page => "page",
-            Scene::Leaves => "leaves",
-        }
+    pub fn name(self) -> &'static str {
+        self.file_name().split('.').next().unwrap_or_default()
     }
 
     /// Name of its file, also of a drawing's.

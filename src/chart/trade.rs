@@ -64,18 +64,17 @@ impl Point {
 
     /// Mean of `measure` over the results, larger is better.
     pub fn result(&self, measure: Measure) -> Option<f64> {
-        self.scores
-            .iter()
-            .all(|s| measure.of(&s.result).is_some())
-            .then(|| self.mean(|s| measure.of(&s.result).unwrap_or_default()))
+        self.mean_of(measure, |score| &score.result)
     }
 
     /// Mean of `measure` over the untouched photos, larger is better.
     pub fn photo(&self, measure: Measure) -> Option<f64> {
-        self.scores
-            .iter()
-            .all(|s| measure.of(&s.photo).is_some())
-            .then(|| self.mean(|s| measure.of(&s.photo).unwrap_or_default()))
+        self.mean_of(measure, |score| &score.photo)
+    }
+
+    fn mean_of(&self, measure: Measure, quality: fn(&Score) -> &PictureQuality) -> Option<f64> {
+        let sum: Option<f64> = self.scores.iter().map(|score| measure.of(quality(score))).sum();
+        sum.map(|sum| sum / self.scores.len() as f64)
     }
 
     /// Mean SSIM of the results.

@@ -8,11 +8,11 @@ use super::parts::{Alignment, CameraTable, PanelTable};
 use super::places::Places;
 use super::rig::{Kind, RigFile};
 use super::simulation::{Simulation, SimulationTable};
-use super::written::{KindWord, RigTables};
+use super::written::RigTables;
 
 /// Checks the rules across keys and computes the identity.
 pub(super) fn check(written: RigTables, places: &Places) -> Result<RigFile, ConfigError> {
-    if written.rig.kind == KindWord::Hardware && !cfg!(feature = "hardware") {
+    if written.hardware.is_some() && !cfg!(feature = "hardware") {
         return Err(ConfigError::NoHardware(places.file.clone()));
     }
     check_canvas(places, &written)?;
@@ -30,14 +30,13 @@ pub(super) fn check(written: RigTables, places: &Places) -> Result<RigFile, Conf
     if let Some(focus) = &camera.focus {
         identity.take(focus);
     }
-    let kind = match written.rig.kind {
-        KindWord::Hardware => {
-            let hardware = needed(places, "[hardware]", written.hardware)?;
+    let kind = match written.hardware.clone() {
+        Some(hardware) => {
             check_hardware(places, &hardware, &panel, &camera)?;
             identity.take(&(&hardware.panel, &hardware.camera));
             Kind::Hardware(Box::new(hardware))
         }
-        KindWord::Simulated => {
+        None => {
             let simulation = check_simulation(places, written.clone())?;
             identity.take(&(&simulation.pose, &simulation.display, &simulation.sensor));
             identity.take(&(&simulation.lens.prescription, &simulation.lens.glare));

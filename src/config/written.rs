@@ -7,7 +7,7 @@ use toml::Value;
 use super::appliance::{DiskTable, Keep, Nights, RunTable};
 use super::error::ConfigError;
 use super::hardware::Hardware;
-use super::keys::{Allowed, Key, KindKeys, LeftOut, TableKeys, kind_words, number, table, words};
+use super::keys::{Allowed, Key, KindKeys, LeftOut, TableKeys, kind_words, number, table};
 use super::parts::{
     CalibrationTable, CameraTable, CanvasTable, Marks, PanelTable, PaperTable, PhotoTable, Restore,
 };
@@ -25,7 +25,7 @@ const PATCH_PHOTO_PX: i64 = 1024;
 table! {
     /// The rig file.
     pub(super) struct RigTables {
-        /// Name and kind of the rig.
+        /// Name of the rig.
         rig: RigTable, Table(&RigTable::TABLE), Never;
         /// Photos.
         photo: PhotoTable, Table(&PhotoTable::TABLE), Means("{}");
@@ -71,23 +71,10 @@ table! {
 }
 
 table! {
-    /// Name and kind of the rig.
+    /// Name of the rig. It is made of devices if the file has `[hardware]`, else simulated.
     pub(super) struct RigTable {
         /// Name in reports.
         name: String, Text, Never;
-        /// Real or simulated.
-        kind: KindWord, Word(KindWord::WORDS),
-            Says("`hardware` if the file has `[hardware]`, else `simulated`");
-    }
-}
-
-words! {
-    /// Kind of a rig.
-    pub(super) enum KindWord {
-        /// Simulated by ray tracing.
-        Simulated = "simulated",
-        /// Real devices.
-        Hardware = "hardware",
     }
 }
 
@@ -211,8 +198,6 @@ pub(super) fn read(text: &str, file: &str) -> Result<(RigTables, Places), Config
 
 /// Fills in the values that follow from other keys.
 fn derive(whole: &mut toml::Table) {
-    let kind = if whole.contains_key("hardware") { "hardware" } else { "simulated" };
-    set_if_missing(whole, "rig", "kind", kind.into());
     derive_geometry(whole);
     let exposure_ms = number_of(whole, "camera", "exposure-ms");
     set_if_missing(whole, "camera", "deadline-ms", (DEADLINE_EXPOSURES * exposure_ms).into());

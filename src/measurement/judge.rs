@@ -1,7 +1,7 @@
 //! Checks of a rig by trial captures, each failure with its own error.
 
 use super::error::{CONTRAST_MIN, CalibrateError, RESIDUAL_MAX, SATURATED_MAX};
-use super::linearity::{Bend, Linearity};
+use super::linearity::{BENT_MAX, Linearity};
 use crate::calibration::checkerboard::CheckerboardError;
 use crate::calibration::geometric::{Geometry, Pair};
 use crate::frame::{Channel, Counts, Plane, Size};
@@ -171,7 +171,8 @@ pub(super) fn repeats(difference: f64, noise: f64) -> Result<(), CalibrateError>
 pub(super) fn straight(channel: Channel, linearity: &Linearity) -> Result<(), CalibrateError> {
     match linearity.bend() {
         None => Ok(()),
-        Some(Bend { times, found, allowed: [least, most] }) => {
+        Some((times, found)) => {
+            let [least, most] = [1.0 - BENT_MAX, 1.0 + BENT_MAX].map(|share| share * times);
             let found = format!(
                 "{times} times the exposure gives {found:.2} times the counts, allowed {least:.2} \
                  to {most:.2}"

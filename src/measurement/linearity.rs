@@ -39,7 +39,7 @@ const JUDGED_SHARE: f64 = 0.75;
 const STRAIGHT_MAX: f32 = 0.004;
 /// Largest relative deviation of counts from the multiple of the exposure: twice that of a sensor's
 /// knee near its full well, a third of that of a webcam's gamma. Guess.
-const BENT_MAX: f64 = 0.1;
+pub(super) const BENT_MAX: f64 = 0.1;
 
 /// Captures of the measurement: three of black and two of the gradation at each exposure, and one
 /// after restoring the exposure. The first capture after a change may have the previous exposure.
@@ -52,31 +52,18 @@ pub struct Linearity {
     pub ratios: [f64; 2],
 }
 
-/// A ratio of counts that deviates from the multiple of the exposure.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Bend {
-    /// The multiple of the exposure.
-    pub(super) times: f64,
-    /// The ratio of counts.
-    pub(super) found: f64,
-    /// The allowed ratios.
-    pub(super) allowed: [f64; 2],
-}
-
 impl Linearity {
     /// The linearity of `counts` over black at [`TIMES`] the exposure.
     pub(super) fn of(counts: [f64; 3]) -> Linearity {
         Linearity { ratios: [counts[1] / counts[0], counts[2] / counts[0]] }
     }
 
-    /// The first ratio that deviates too much.
-    pub(super) fn bend(&self) -> Option<Bend> {
-        let bends = self.ratios.into_iter().zip(&TIMES[1..]).map(|(found, &times)| {
-            let allowed = [times * (1.0 - BENT_MAX), times * (1.0 + BENT_MAX)];
-            Bend { times, found, allowed }
-        });
+    /// The first multiple of the exposure whose ratio of counts deviates too much, and that ratio.
+    pub(super) fn bend(&self) -> Option<(f64, f64)> {
+        let mut ratios = TIMES[1..].iter().copied().zip(self.ratios);
+        let allowed = 1.0 - BENT_MAX..=1.0 + BENT_MAX;
         // Negated so that NaN deviates too.
-        bends.into_iter().find(|bend| !(bend.allowed[0]..=bend.allowed[1]).contains(&bend.found))
+        ratios.find(|(times, found)| !allowed.contains(&(found / times)))
     }
 
     /// Whether the counts follow the exposure.

@@ -25,7 +25,7 @@ pub(crate) const KEPT: [(&str, &[u8]); 6] = [
 
 impl Subject {
     /// Name in tables.
-    pub(crate) const fn name(self) -> &'static str {
+    pub(crate) fn name(self) -> &'static str {
         match self {
             Subject::Of(scene) => scene.name(),
             Subject::Kept(n) => KEPT[n].0,

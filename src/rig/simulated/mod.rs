@@ -49,7 +49,7 @@ pub fn open(rig: &config::RigFile) -> Result<(Devices, Witness), RigError> {
         return Err(RigError::Refused {
             device: "simulated rig",
             found: format!("the rig `{}` of real devices", rig.name),
-            allowed: "kind = \"simulated\"".to_owned(),
+            allowed: "a simulated one".to_owned(),
         });
     };
     let optics = Arc::new(Optics::new(simulation, rig.camera.size(), rig.photo_on_sensor())?);
