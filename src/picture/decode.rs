@@ -7,8 +7,8 @@ use std::io::Cursor;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use image::codecs::{
-    bmp::BmpDecoder, gif::GifDecoder, jpeg::JpegDecoder, png::PngDecoder, tiff::TiffDecoder,
-    webp::WebPDecoder,
+    bmp::BmpDecoder, gif::GifDecoder, jpeg::JpegDecoder, png::PngDecoder, pnm::PnmDecoder,
+    tiff::TiffDecoder, webp::WebPDecoder,
 };
 use image::{ColorType, ImageDecoder};
 use serde::{Deserialize, Serialize};
@@ -130,7 +130,7 @@ pub(super) fn walk(bytes: &[u8], limits: &Limits) -> Result<Heading, Flaw> {
             }
         }
         // Their size is checked by the decoder's header, before anything is allocated.
-        Content::Bmp | Content::Gif | Content::Webp => others::walk(bytes, content)?,
+        Content::Bmp | Content::Gif | Content::Pnm | Content::Webp => others::walk(bytes, content)?,
     };
     match size {
         Some(size) if size.width as u64 * size.height as u64 > limits.pixels_max => {
@@ -184,6 +184,7 @@ pub(super) fn decode(bytes: &[u8], limits: &Limits) -> Result<Raster, Flaw> {
             Content::Written(Format::Tiff) => collect(TiffDecoder::new(input), content, limits),
             Content::Bmp => collect(BmpDecoder::new(input), content, limits),
             Content::Gif => collect(GifDecoder::new(input), content, limits),
+            Content::Pnm => collect(PnmDecoder::new(input), content, limits),
             Content::Webp => collect(WebPDecoder::new(input), content, limits),
         }
     }));

@@ -150,7 +150,13 @@ pub(super) fn find(bytes: &[u8]) -> Result<Option<RawFile>, Flaw> {
     let whole =
         |d: &&Directory| d.is_raw() && matches!(d.number(NEW_SUBFILE_TYPE), Ok(None | Some(0)));
     let Some(directory) = all.iter().find(whole) else {
-        return Err(unsupported("no picture of a sensor's sites".to_owned()));
+        let is_grey = |d: &&Directory<'_>| matches!(d.number(PHOTOMETRIC), Ok(Some(0 | 1)));
+        let main = |d: &Directory<'_>| matches!(d.number(NEW_SUBFILE_TYPE), Ok(None | Some(0)));
+        let found = match all.iter().filter(is_grey).any(main) {
+            true => "the counts of a monochrome sensor",
+            false => "no picture of a sensor's sites",
+        };
+        return Err(unsupported(found.to_owned()));
     };
     let raw = directory.raw_file()?;
     let turned = all[0].number(ORIENTATION)?.or(directory.number(ORIENTATION)?);

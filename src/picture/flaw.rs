@@ -42,15 +42,15 @@ pub enum Flaw {
         length: usize,
     },
     /// No photo.
-    #[error("this is not a photo: found {found}, allowed JPEG, PNG, TIFF, WebP, BMP or GIF")]
+    #[error("this is not a photo: found {found}, allowed JPEG, PNG, TIFF, WebP, BMP, GIF or PPM")]
     NotAPhoto {
         /// The kind of file.
         found: String,
     },
     /// A photo of a kind that is not read.
     #[error(
-        "this kind of photo is not read: found {found}, allowed JPEG, PNG, TIFF, WebP, BMP or GIF; \
-         {to_do}"
+        "this kind of photo is not read: found {found}, allowed JPEG, PNG, TIFF, WebP, BMP, GIF or \
+         PPM; {to_do}"
     )]
     Unread {
         /// The kind of file.
@@ -146,7 +146,8 @@ pub enum Flaw {
     /// A raw photo of another size than the rig's sensor and photo.
     #[error(
         "a raw photo is not resampled: found {found} sites, allowed the rig's whole sensor, \
-         {sensor}, or its photo, {allowed}"
+         {sensor}, or its photo, {allowed}; set the camera to raw photos of one of these sizes, \
+         or develop it and save it as TIFF of 16 bits"
     )]
     RawSize {
         /// Sites of the file.

@@ -15,14 +15,12 @@ use std::ops::Range;
 
 use super::Flaw;
 use super::iptc::{self, RESOURCES};
-use super::metadata::{HOLE_BYTES, Lost, Walked};
+use super::metadata::{HOLE_BYTES, Lost, Walked, longest_zero_run};
 use crate::frame::Size;
 pub(super) use agreement::agrees;
 pub(super) use coefficients::coefficients;
+use coefficients::decodes_in_full;
 pub(super) use usual_codes::with_usual_codes;
-
-/// Coded bits a pixel below which a picture is so blank that zero runs may be its code. Guess.
-const BLANK_BITS_PER_PIXEL: f64 = 0.1;
 
 /// The marker of a scan.
 const SCAN: u8 = 0xda;
@@ -42,6 +40,7 @@ pub(super) fn walk(bytes: &[u8]) -> Result<Walked, Flaw> {
         match marker {
             // SOF0..SOF15 but for DHT, JPG and DAC, which share the range.
             0xc0..=0xcf if !matches!(marker, 0xc4 | 0xc8 | 0xcc) => {
+                check_coding(marker)?;
                 frame = Some(frame_header(body)?);
             }
             // JFIF, ITU-T T.871: two bytes of version, then the unit, 0 for a mere ratio.
@@ -70,16 +69,12 @@ pub(super) fn walk(bytes: &[u8]) -> Result<Walked, Flaw> {
             "a frame header and a scan",
         ));
     };
-    let blank = (coded_bytes as f64) * 8.0 < BLANK_BITS_PER_PIXEL * size.area() as f64;
-    if hole.len() >= HOLE_BYTES && !blank {
+    // Flat areas may be coded in zero bits, so that only decoding shows whether data are missing.
+    if hole.len() >= HOLE_BYTES && !decodes_in_full(bytes) {
         return Err(Flaw::ZeroFilled { from: hole.start, to: hole.end, length: bytes.len() });
     }
     if components == 4 {
-        return Err(Flaw::Unsupported {
-            kind: "JPEG",
-            found: "four inks (CMYK)".to_owned(),
-            allowed: "grey and RGB photos; save it as RGB in an image program",
-        });
+        return Err(unsupported("four inks (CMYK)"));
     }
     // EXIF states it too, and is carried.
     walked.lose(Lost::Density, has_density && !has_exif);
@@ -142,25 +137,37 @@ impl<'a> Iterator for Segments<'a> {
     }
 }
 
-/// The marker at `at`, fill bytes skipped; `at` ends up past it.
+/// The marker from `at` on; `at` ends up past it. Bytes before it are skipped, as viewers do: some
+/// cameras pad their segments.
 fn next_marker(bytes: &[u8], at: &mut usize) -> Result<u8, Flaw> {
-    match bytes.get(*at) {
-        None => return Err(ended_early(bytes, "no end-of-image marker")),
-        Some(0xff) => {}
-        Some(_) if bytes[*at..].iter().all(|&b| b == 0) => {
+    loop {
+        let rest = bytes.get(*at..).unwrap_or_default();
+        let Some(begin) = rest.iter().position(|&b| b == 0xff) else {
             return Err(ended_early(bytes, "no end-of-image marker"));
+        };
+        let fill = rest[begin..].iter().take_while(|&&b| b == 0xff).count();
+        let marker = *rest.get(begin + fill).ok_or_else(|| ended_early(bytes, "half a marker"))?;
+        *at += begin + fill + 1;
+        if marker != 0 {
+            return Ok(marker);
         }
-        Some(other) => return Err(damaged(&format!("byte {other:02x} at {at}"), "a marker, ff")),
     }
-    while bytes.get(*at) == Some(&0xff) {
-        *at += 1;
-    }
-    let marker = *bytes.get(*at).ok_or_else(|| ended_early(bytes, "half a marker"))?;
-    *at += 1;
-    if marker == 0 {
-        return Err(damaged(&format!("a stray ff 00 at {}", *at - 2), "a marker"));
-    }
-    Ok(marker)
+}
+
+/// Checks that the frame marker `sof` is of a coding that is read (T.81, table B.1).
+fn check_coding(sof: u8) -> Result<(), Flaw> {
+    let found = match sof {
+        0xc0..=0xc2 => return Ok(()),
+        0xc3 | 0xc7 | 0xcb | 0xcf => "lossless coding",
+        0xc5 | 0xc6 => "hierarchical coding",
+        _ => "arithmetic coding",
+    };
+    Err(unsupported(found))
+}
+
+fn unsupported(found: &str) -> Flaw {
+    let allowed = "Huffman-coded grey and RGB of 8 bits a sample; save it so in an image program";
+    Flaw::Unsupported { kind: "JPEG", found: found.to_owned(), allowed }
 }
 
 struct FrameHeader {
@@ -173,11 +180,7 @@ fn frame_header(body: &[u8]) -> Result<FrameHeader, Flaw> {
         return Err(damaged("a short frame header", "at least 6 bytes"));
     };
     if precision != 8 {
-        return Err(Flaw::Unsupported {
-            kind: "JPEG",
-            found: format!("{precision} bits a sample"),
-            allowed: "8 bits a sample",
-        });
+        return Err(unsupported(&format!("{precision} bits a sample")));
     }
     let size = Size::new(u16::from_be_bytes([w1, w0]).into(), u16::from_be_bytes([h1, h0]).into());
     if size.area() == 0 {
@@ -199,19 +202,6 @@ fn end_of_scan(bytes: &[u8], at: usize) -> usize {
         }
     }
     bytes.len()
-}
-
-/// The longest run of zero bytes.
-fn longest_zero_run(data: &[u8]) -> Range<usize> {
-    let (mut longest, mut start) = (0..0, 0);
-    for (i, &b) in data.iter().enumerate() {
-        if b != 0 {
-            start = i + 1;
-        } else if i + 1 - start > longest.len() {
-            longest = start..i + 1;
-        }
-    }
-    longest
 }
 
 /// The flaw of a file that stops.

@@ -6,6 +6,7 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 
 use super::Flaw;
+use super::metadata::HOLE_BYTES;
 
 /// A photo format that is read and written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
@@ -56,6 +57,7 @@ pub(super) enum Content {
     Written(Format),
     Bmp,
     Gif,
+    Pnm,
     Webp,
 }
 
@@ -66,6 +68,7 @@ impl Content {
             Content::Written(format) => format.name(),
             Content::Bmp => "BMP",
             Content::Gif => "GIF",
+            Content::Pnm => "PPM",
             Content::Webp => "WebP",
         }
     }
@@ -74,13 +77,16 @@ impl Content {
     pub(super) const fn written(self) -> Format {
         match self {
             Content::Written(format) => format,
-            Content::Bmp | Content::Gif | Content::Webp => Format::Png,
+            Content::Bmp | Content::Gif | Content::Pnm | Content::Webp => Format::Png,
         }
     }
 
     fn has_ending(self, extension: &str) -> bool {
         match self {
             Content::Written(format) => Format::of_extension(extension) == Some(format),
+            Content::Pnm => {
+                ["ppm", "pgm", "pnm", "pbm", "pam"].contains(&&*extension.to_ascii_lowercase())
+            }
             other => extension.eq_ignore_ascii_case(other.name()),
         }
     }
@@ -93,7 +99,7 @@ const RAW_ENDING: &str = "dng";
 fn is_photo_ending(extension: &str) -> bool {
     let is_its = |content: Content| content.has_ending(extension);
     Format::of_extension(extension).is_some()
-        || [Content::Bmp, Content::Gif, Content::Webp].into_iter().any(is_its)
+        || [Content::Bmp, Content::Gif, Content::Pnm, Content::Webp].into_iter().any(is_its)
         || extension.eq_ignore_ascii_case(RAW_ENDING)
 }
 
@@ -121,8 +127,8 @@ const DEVELOP: &str = "develop it with the camera maker's program, without sharp
 /// The advice on pictures that image programs read.
 const SAVE: &str = "open it in an image program and save it as JPEG or PNG";
 /// The advice on telephone photos.
-const TELEPHONE: &str = "save it as JPEG, and set the telephone to do so (iPhone: Settings, \
-                         Camera, Formats, Most Compatible)";
+const TELEPHONE: &str = "save it as JPEG, and set the telephone or camera to do so (iPhone: \
+                         Settings, Camera, Formats, Most Compatible; cameras: image quality JPEG)";
 
 /// Kinds of photos that are not read: place and bytes of the signature, name, advice.
 const UNREAD: &[(usize, &[u8], &str, &str)] = &[
@@ -144,6 +150,14 @@ const UNREAD: &[(usize, &[u8], &str, &str)] = &[
     (0, b"\xff\x0a", "a JPEG XL picture", SAVE),
     (0, b"\0\0\0\x0cJXL ", "a JPEG XL picture", SAVE),
     (0, b"\0\0\0\x0cjP  ", "a JPEG 2000 picture", SAVE),
+    (0, b"\xff\x4f\xff\x51", "a JPEG 2000 picture", SAVE),
+    (0, b"II\xbc\x01", "a JPEG XR picture", SAVE),
+    (0, b"\x76\x2f\x31\x01", "an OpenEXR picture", "save it as TIFF of 16 bits"),
+    (0, b"#?RADIANCE", "a Radiance HDR picture", "save it as TIFF of 16 bits"),
+    (0, b"qoif", "a QOI picture", SAVE),
+    (0, b"gimp xcf", "a GIMP document", SAVE),
+    (8, b"IIII", "a camera raw photo (Phase One IIQ)", DEVELOP),
+    (8, b"MMMM", "a camera raw photo (Phase One IIQ)", DEVELOP),
     (0, b"8BPS", "a Photoshop document", SAVE),
     (0, b"II+\0", "a BigTIFF picture", "save it as a plain TIFF"),
     (0, b"MM\0+", "a BigTIFF picture", "save it as a plain TIFF"),
@@ -179,8 +193,10 @@ pub(super) fn recognise(bytes: &[u8]) -> Result<Content, Flaw> {
     if bytes.is_empty() {
         return Err(Flaw::Empty);
     }
-    if bytes.iter().all(|&b| b == 0) {
-        return Err(Flaw::ZeroFilled { from: 0, to: bytes.len(), length: bytes.len() });
+    // Also a head to come, where a copy fills its file from the end.
+    let zeros = bytes.iter().take_while(|&&b| b == 0).count();
+    if zeros >= HOLE_BYTES.min(bytes.len()) {
+        return Err(Flaw::ZeroFilled { from: 0, to: zeros, length: bytes.len() });
     }
     let at = |at: usize, magic: &[u8]| bytes.get(at..).is_some_and(|b| b.starts_with(magic));
     if let Some((.., found, to_do)) = UNREAD.iter().find(|(from, magic, ..)| at(*from, magic)) {
@@ -192,9 +208,9 @@ pub(super) fn recognise(bytes: &[u8]) -> Result<Content, Flaw> {
         (at(0, b"\x89PNG"), Content::Written(Format::Png)),
         (at(0, b"II*\0") || at(0, b"MM\0*"), Content::Written(Format::Tiff)),
         (at(0, b"RIFF") && at(8, b"WEBP"), Content::Webp),
-        // Two letters may begin a text; a bitmap has four reserved zeros after its length.
-        (at(0, b"BM") && at(6, &[0; 4]), Content::Bmp),
+        (at(0, b"BM") && has_bmp_header(bytes), Content::Bmp),
         (at(0, b"GIF8"), Content::Gif),
+        (is_pnm(bytes), Content::Pnm),
     ];
     if let Some((_, content)) = read.into_iter().find(|(is, _)| *is) {
         return Ok(content);
@@ -206,6 +222,34 @@ pub(super) fn recognise(bytes: &[u8]) -> Result<Content, Flaw> {
         None => format!("unknown data beginning {}", first_bytes(bytes)),
     };
     Err(Flaw::NotAPhoto { found })
+}
+
+/// Whether `bytes`, which begin with `BM`, go on as a bitmap and not as a text. The reserved fields
+/// are used by some programs.
+fn has_bmp_header(bytes: &[u8]) -> bool {
+    let header = bytes.get(14..18);
+    // The lengths of the headers of OS/2 and Windows.
+    header
+        .is_none_or(|b| matches!(b[0], 12 | 16 | 40 | 52 | 56 | 64 | 108 | 124) && b[1..] == [0; 3])
+}
+
+/// Whether `bytes` begin as a PNM: its number, then a blank and a size or a comment.
+fn is_pnm(bytes: &[u8]) -> bool {
+    let [b'P', b'1'..=b'7', blank, next, ..] = bytes else { return false };
+    blank.is_ascii_whitespace() && (next.is_ascii_digit() || b"#W".contains(next))
+}
+
+/// The endings of makers' raw photos that are TIFFs.
+const RAW_TIFFS: [&str; 21] = [
+    "3fr", "arw", "cr2", "dcr", "dcs", "erf", "fff", "iiq", "k25", "kdc", "mef", "mos", "nef",
+    "nrw", "pef", "ptx", "raw", "rwl", "sr2", "srf", "srw",
+];
+
+/// Whether a TIFF called `name` is a maker's raw photo, whose pictures are previews unless it
+/// declares the sensor's sites.
+pub(super) fn is_raw_name(name: &str) -> bool {
+    let ending = Path::new(name).extension().map(|ending| ending.to_string_lossy());
+    ending.is_some_and(|ending| RAW_TIFFS.contains(&&*ending.to_ascii_lowercase()))
 }
 
 /// A note on a file name with another kind's ending. `raw` for a TIFF with a sensor's sites.
@@ -237,6 +281,14 @@ mod tests {
         assert_eq!(recognise(b"MM\0*....").unwrap(), Content::Written(Format::Tiff));
         assert!(found(b"").contains("empty"));
         assert!(found(&[0; 100]).contains("never filled"));
+        let head_to_come = [vec![0; 600], b"the rest".to_vec()].concat();
+        assert!(found(&head_to_come).contains("never filled"));
+        // A bitmap with its reserved fields used, and a text.
+        let header = b"BM\x36\0\0\0\x01\0\0\0\x36\0\0\0\x28\0\0\0";
+        assert_eq!(recognise(header).unwrap(), Content::Bmp);
+        assert!(found(b"BMW drivers, please move your cars").contains("a text"));
+        assert_eq!(recognise(b"P6\n# by dcraw\n4 3\n255\n").unwrap(), Content::Pnm);
+        assert!(found(b"P6 is a sensor").contains("a text"));
         assert!(found(b"%PDF-1.7 ...").contains("a PDF document"));
         assert!(found(b"Dear Sir or Madam,\n").contains("a text"));
         assert!(found(b"\0\0\0\x18ftypheic").contains("HEIC"));

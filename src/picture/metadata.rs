@@ -8,12 +8,26 @@
 //! | all of [`Lost`] | not carried, with a note |
 
 use std::collections::BTreeSet;
+use std::ops::Range;
 
 use crate::frame::Size;
 
 /// Shortest run of zero bytes that counts as a hole. Guess: coded photographs hold runs of a few
 /// bytes, file systems leave holes of whole blocks, 512 bytes and up.
 pub(super) const HOLE_BYTES: usize = 512;
+
+/// The longest run of zero bytes in `data`.
+pub(super) fn longest_zero_run(data: &[u8]) -> Range<usize> {
+    let (mut longest, mut start) = (0..0, 0);
+    for (i, &b) in data.iter().enumerate() {
+        if b != 0 {
+            start = i + 1;
+        } else if i + 1 - start > longest.len() {
+            longest = start..i + 1;
+        }
+    }
+    longest
+}
 
 /// A part of a photo file that its result lacks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]

@@ -1,4 +1,4 @@
-//! Walks a BMP, GIF or WebP to its end; the decoders check the rest.
+//! Walks a BMP, GIF, PNM or WebP to its end; the decoders check the rest.
 
 use super::Flaw;
 use super::kind::Content;
@@ -7,36 +7,39 @@ use super::metadata::{HOLE_BYTES, Lost, Walked};
 /// Pixels a metre that programs write into a BMP by default: none, 72 and 96 an inch.
 const USUAL_DENSITIES: [u32; 3] = [0, 2835, 3780];
 
-/// Walks `bytes` of a BMP, GIF or WebP to the end that they state (BITMAPFILEHEADER; GIF89a, §27;
-/// RFC 9649, §2.4).
+/// Walks `bytes` of a BMP, GIF, PNM or WebP to the end that they state (BITMAPFILEHEADER; GIF89a,
+/// §27; RFC 9649, §2.4).
 ///
 /// # Errors
 /// [`Flaw::Truncated`] or [`Flaw::ZeroFilled`].
 pub(super) fn walk(bytes: &[u8], content: Content) -> Result<Walked, Flaw> {
     let length = bytes.len();
     let zeros = bytes.iter().rev().take_while(|&&b| b == 0).count();
-    if content != Content::Bmp && zeros >= HOLE_BYTES {
-        return Err(Flaw::ZeroFilled { from: length - zeros, to: length, length });
-    }
     let stated = |at: usize| word(bytes, at).map_or(usize::MAX, |length| length as usize);
+    let gif = if content == Content::Gif { gif_blocks(bytes) } else { None };
     let (whole, end) = match content {
-        Content::Gif => (bytes[..length - zeros].ends_with(b";"), "its trailer"),
-        // A program that could not seek back states no length.
-        Content::Bmp => (stated(2) <= length || stated(2) == 0, "the length it states"),
+        Content::Gif => (gif.is_some(), "its trailer"),
+        Content::Bmp => (bmp_end(bytes) <= length, "its last row"),
+        Content::Pnm => (pnm_end(bytes) <= length, "its last row"),
         _ => (stated(4).saturating_add(8) <= length, "the length it states"),
     };
-    if !whole {
+    // Bytes behind the end are none of the picture's.
+    let is_hole = content == Content::Webp
+        && (length - zeros).saturating_add(HOLE_BYTES) <= stated(4).saturating_add(8);
+    if !whole || is_hole {
         let found = format!("an end after {length} bytes");
-        return Err(Flaw::Truncated { kind: content.name(), found, end });
+        let cut = Flaw::Truncated { kind: content.name(), found, end };
+        return Err(Flaw::hole_or(bytes, cut));
     }
     let mut walked = Walked::default();
     match content {
         Content::Gif => {
-            let GifBlocks { pictures, has_comment } = gif_blocks(bytes).unwrap_or_default();
+            let GifBlocks { pictures, has_comment } = gif.unwrap_or_default();
             walked.lose(Lost::Pictures, pictures > 1);
             walked.lose(Lost::Texts, has_comment);
         }
         Content::Webp => walked.lose(Lost::Pictures, webp_pictures(bytes) > 1),
+        Content::Pnm => {}
         _ => {
             let density = word(bytes, 38);
             let is_unusual = density.is_some_and(|density| !USUAL_DENSITIES.contains(&density));
@@ -49,6 +52,56 @@ pub(super) fn walk(bytes: &[u8], content: Content) -> Result<Walked, Flaw> {
 fn word(bytes: &[u8], at: usize) -> Option<u32> {
     let four = bytes.get(at..at.checked_add(4)?)?;
     Some(u32::from_le_bytes([four[0], four[1], four[2], four[3]]))
+}
+
+/// Where the rows of a BMP end; for packed rows the length that it states (BITMAPFILEHEADER,
+/// BITMAPINFOHEADER). The stated length of others is often a few bytes off, or absent.
+fn bmp_end(bytes: &[u8]) -> usize {
+    let field = |at: usize| word(bytes, at).map_or(usize::MAX, |value| value as usize);
+    let half = |at: usize| field(at) & 0xffff;
+    let (begin, header) = (field(10), field(14));
+    let (width, height, bits) = match header {
+        12 => (half(18), half(20), half(24)),
+        _ => (
+            field(18),
+            word(bytes, 22).map_or(0, |h| h.cast_signed().unsigned_abs() as usize),
+            half(28),
+        ),
+    };
+    let is_plain = header == 12 || matches!(field(30), 0 | 3 | 6);
+    if !is_plain {
+        return field(2);
+    }
+    // Each row ends at a multiple of four bytes.
+    let row = width.saturating_mul(bits).div_ceil(32).saturating_mul(4);
+    begin.saturating_add(row.saturating_mul(height))
+}
+
+/// Where the samples of a binary PNM end (Netpbm, pgm(5) and ppm(5)); the file's length for its
+/// other varieties, which the decoder checks.
+fn pnm_end(bytes: &[u8]) -> usize {
+    let samples = match bytes.get(..2) {
+        Some(b"P5") => 1,
+        Some(b"P6") => 3,
+        _ => return bytes.len(),
+    };
+    let mut at = 2;
+    let mut number = || {
+        while let Some(byte) = bytes.get(at).filter(|b| !b.is_ascii_digit()) {
+            // A comment goes on to the end of its line.
+            let comment = bytes[at..].iter().take_while(|&&b| b != b'\n').count();
+            at += if *byte == b'#' { comment.max(1) } else { 1 };
+        }
+        let digits = bytes[at..].iter().take_while(|b| b.is_ascii_digit()).count();
+        at += digits;
+        std::str::from_utf8(&bytes[at - digits..at]).ok()?.parse::<usize>().ok()
+    };
+    let (Some(width), Some(height), Some(most)) = (number(), number(), number()) else {
+        return usize::MAX;
+    };
+    let each = samples * if most > 255 { 2 } else { 1 };
+    // One blank ends the header.
+    width.saturating_mul(height).saturating_mul(each).saturating_add(at + 1)
 }
 
 #[derive(Debug, Default, PartialEq)]
@@ -73,7 +126,8 @@ fn gif_blocks(bytes: &[u8]) -> Option<GifBlocks> {
                 found.pictures += 1;
                 at += 10 + table(*bytes.get(at + 9)?) + 1;
             }
-            _ => return Some(found),
+            b';' => return Some(found),
+            _ => return None,
         }
         // Blocks of data, to the empty one.
         loop {
@@ -102,6 +156,30 @@ fn webp_pictures(bytes: &[u8]) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn pictures_are_whole_to_their_last_row() {
+        let mut bmp = Vec::new();
+        let pixels = [90; 3 * 5 * 4];
+        image::ImageEncoder::write_image(
+            image::codecs::bmp::BmpEncoder::new(&mut bmp),
+            &pixels,
+            5,
+            4,
+            image::ExtendedColorType::Rgb8,
+        )
+        .unwrap();
+        // A stated length that is too long does not matter.
+        bmp[2] += 2;
+        assert!(walk(&bmp, Content::Bmp).is_ok());
+        assert!(walk(&bmp[..bmp.len() - 1], Content::Bmp).is_err());
+        for (header, each) in [("P6\n#a 9\n5 4 255\n", 3), ("P5 5 4 65535\n", 2)] {
+            let whole = [header.as_bytes(), &vec![0; 5 * 4 * each]].concat();
+            assert!(walk(&whole, Content::Pnm).is_ok(), "black, and no hole");
+            assert!(walk(&whole[..whole.len() - 1], Content::Pnm).is_err());
+        }
+        assert!(walk(b"P6 5", Content::Pnm).is_err());
+    }
 
     #[test]
     fn lost_pictures_and_texts_are_noted() {

@@ -12,7 +12,7 @@ use crate::frame::{
 
 use super::decode::{Limits, Raster, decode};
 use super::dng::Sites;
-use super::kind::{Content, Format, misnamed};
+use super::kind::{Content, Format, is_raw_name, misnamed, tiff_of_a_camera};
 use super::metadata::Lost;
 use super::reading::{open, read_bytes};
 use super::{
@@ -146,6 +146,10 @@ impl Photo {
     ) -> Result<Photo, PictureError> {
         let refused = |flaw| PictureError::Refused { name: name.to_owned(), flaw };
         let raster = decode(bytes, limits).map_err(refused)?;
+        let is_tiff = raster.content == Content::Written(Format::Tiff);
+        if is_tiff && raster.sites.is_none() && is_raw_name(name) {
+            return Err(refused(tiff_of_a_camera()));
+        }
         let format = match raster.content {
             Content::Written(format) if raster.sites.is_none() => Some(format),
             _ => None,
@@ -309,6 +313,18 @@ impl Photo {
             .push(format!("{kept} of the sensor's {all} are the rig's photo; the rest is cut"));
     }
 
+    /// Why a photo with fewer pixels than the rig's is returned as it is; `None` for others.
+    pub fn why_too_small(&self) -> Option<String> {
+        let (found, allowed) = (self.stored, self.light.size());
+        (found.area() < allowed.area()).then(|| {
+            format!(
+                "the photo has fewer pixels than this rig's photos, {found} in place of {allowed}: \
+                 enlarged, its own blur and blocks would pass for the lens's; drop the photo as \
+                 the camera took it"
+            )
+        })
+    }
+
     /// Notes on the file for the report of a result of the format `result`; `None` where the file
     /// itself is returned.
     pub fn report_notes(&self, result: Option<Format>) -> Vec<String> {
@@ -394,6 +410,16 @@ pub fn embedded(bytes: &'static [u8]) -> [Plane; 3] {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_photo_with_fewer_pixels_than_the_rig_s_is_too_small() {
+        let bytes = include_bytes!("../../tests/jpegs/grey.jpg");
+        let photo = Photo::from_bytes("a.jpg", bytes, Curve::Srgb, &Limits::default()).unwrap();
+        let why = |size| photo.clone().fit(size).unwrap().why_too_small();
+        assert_eq!((why(Size::new(75, 50)), why(Size::new(45, 30))), (None, None));
+        let words = why(Size::new(150, 100)).unwrap();
+        assert!(words.contains("75×50 in place of 150×100"), "{words}");
+    }
 
     #[test]
     fn embedded_pictures_decode() {

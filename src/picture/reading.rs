@@ -2,9 +2,10 @@
 
 use std::fs::File;
 use std::io::Read;
+use std::ops::Range;
 use std::path::Path;
 
-use rustix::fs::{Mode, OFlags};
+use rustix::fs::{Mode, OFlags, SeekFrom, seek};
 
 use super::decode::{Limits, walk};
 use super::{Flaw, Growth, Photo, PictureError};
@@ -79,14 +80,22 @@ impl ReadOptions {
 }
 
 /// Checks that `file`, called `name`, is complete: a JPEG to its end marker, a PNG to its end
-/// chunk, a TIFF to its last strip, none with a hole of zeros in it. Other flaws are not reported.
+/// chunk, a TIFF to its last strip, none with a hole in it. Other flaws are not reported.
 ///
 /// # Errors
 /// [`PictureError::Refused`] with the missing part, always of [`Growth::Likely`];
 /// [`PictureError::Read`].
 pub fn whole(name: &str, file: File, limits: &Limits) -> Result<(), PictureError> {
+    let hole = hole_of(&file);
     let walked = read_bytes(file, name, limits).and_then(|bytes| {
-        walk(&bytes, limits).map_err(|flaw| PictureError::Refused { name: name.to_owned(), flaw })
+        let flaw = match (walk(&bytes, limits), hole) {
+            (Err(flaw), _) => flaw,
+            (Ok(_), Some(Range { start: from, end: to })) => {
+                Flaw::ZeroFilled { from, to, length: bytes.len() }
+            }
+            (Ok(_), None) => return Ok(()),
+        };
+        Err(PictureError::Refused { name: name.to_owned(), flaw })
     });
     match walked {
         Err(error)
@@ -96,6 +105,16 @@ pub fn whole(name: &str, file: File, limits: &Limits) -> Result<(), PictureError
         }
         _ => Ok(()),
     }
+}
+
+/// The first part of `file` that its disk holds no data for, as in a copy that reserves its space
+/// before it fills it. Plain pixels of it look black.
+fn hole_of(file: &File) -> Option<Range<usize>> {
+    let length = file.metadata().ok()?.len();
+    let from = seek(file, SeekFrom::Hole(0)).ok().filter(|&from| from < length);
+    let to = from.map(|from| seek(file, SeekFrom::Data(from)).unwrap_or(length));
+    let _ = seek(file, SeekFrom::Start(0));
+    Some(from? as usize..to? as usize)
 }
 
 /// The bytes of the photo in `path`, which is no link, pipe or device.

@@ -37,6 +37,8 @@ pub(super) const SUB_DIRECTORIES: u16 = 330;
 pub(super) const SAMPLE_FORMAT: u16 = 339;
 pub(super) const EXIF_DIRECTORY: u16 = 34665;
 const GPS_DIRECTORY: u16 = 34853;
+const MAKER_NOTE: u16 = 37500;
+const PIXEL_WIDTH: u16 = 40962;
 
 /// Values of [`PHOTOMETRIC`] and of [`COMPRESSION`] that are not read (TIFF 6.0; the last three by
 /// LibTIFF).
@@ -58,6 +60,12 @@ const PACKED: [(usize, &str); 8] = [
 /// What is read.
 const READ: &str = "grey and RGB of 8 or 16 bits, as they are or packed by LZW, Deflate or \
                     PackBits; save it so in an image program";
+/// Values of [`COMPRESSION`] of raw photos (LibTIFF, tiff.h; ExifTool's table of compressions):
+/// Sony, Epson, Samsung, Nikon, Kodak, Pentax.
+const MAKERS_PACKINGS: [usize; 8] = [32767, 32769, 32770, 32772, 34713, 65000, 65024, 65535];
+/// A picture whose width is smaller so many times than its camera states is a preview. Guess: those
+/// of raw photos are 10 to 40 times as small, and few people shrink a photo so much in TIFF.
+const PREVIEW_TIMES: usize = 4;
 /// Most sub-directories searched for a larger picture. Guess.
 const BELOW_MAX: usize = 32;
 /// Fields of text that no result has.
@@ -75,8 +83,16 @@ pub(super) fn walk(bytes: &[u8]) -> Result<Walked, Flaw> {
     let file = File::new(bytes);
     let directory = Directory::read(&file, file.u32(4)? as usize)?;
     let size = directory.size()?;
-    if directory.is_preview(size)? {
+    if directory.is_of_raw(size) {
         return Err(tiff_of_a_camera());
+    }
+    if directory.is_reduced() {
+        return Err(Flaw::Unsupported {
+            kind: "TIFF",
+            found: "a picture marked as the reduced copy of another one".to_owned(),
+            allowed: "a file whose first picture is the photo; open it in an image program and \
+                      save the photo by itself",
+        });
     }
     directory.check_coding()?;
     let list = |tiles, strips| match directory.numbers(tiles)? {
@@ -94,13 +110,14 @@ pub(super) fn walk(bytes: &[u8]) -> Result<Walked, Flaw> {
     }
     file.strips(&offsets, &counts, directory.number(COMPRESSION)?.unwrap_or(1) == 1)?;
     let mut walked = Walked { size: Some(size), ..Walked::default() };
-    walked.lose(Lost::Pictures, directory.next()? != 0);
+    walked.lose(Lost::Pictures, directory.next().is_ok_and(|next| next != 0));
     let has = |tag: &u16| directory.find(*tag).is_some();
     walked.lose(Lost::Texts, TEXTS.iter().any(has));
     walked.lose(Lost::Exif, has(&EXIF_DIRECTORY) || has(&GPS_DIRECTORY));
-    walked.lose(Lost::Iptc, has(&IPTC) || directory.has_iptc_resource()?);
+    walked.lose(Lost::Iptc, has(&IPTC) || directory.has_iptc_resource().unwrap_or(false));
     // 1 is a mere ratio.
-    walked.lose(Lost::Density, directory.number(RESOLUTION_UNIT)?.is_some_and(|unit| unit > 1));
+    let unit = directory.number(RESOLUTION_UNIT).ok().flatten();
+    walked.lose(Lost::Density, unit.is_some_and(|unit| unit > 1));
     Ok(walked)
 }
 
@@ -111,20 +128,37 @@ impl Directory<'_> {
         Ok(Size::new(side(IMAGE_WIDTH)?, side(IMAGE_LENGTH)?))
     }
 
-    /// Whether the picture of `size` is the preview of a camera's raw photo: by its type, or by a
-    /// larger picture below it.
-    fn is_preview(&self, size: Size) -> Result<bool, Flaw> {
-        // Bit 0 of the type: a smaller picture of another one in the file.
-        if self.number(NEW_SUBFILE_TYPE)?.is_some_and(|kind| kind & 1 == 1)
-            || self.number(SUBFILE_TYPE)? == Some(2)
-        {
-            return Ok(true);
-        }
-        let below = self.numbers(SUB_DIRECTORIES)?.unwrap_or_default();
-        Ok(below.into_iter().take(BELOW_MAX).any(|at| {
-            let below = Directory::read(self.file, at).and_then(|directory| directory.size());
-            below.is_ok_and(|below| below.area() > size.area())
-        }))
+    /// Whether the picture is marked as a smaller one of another in the file.
+    fn is_reduced(&self) -> bool {
+        let number = |tag| self.number(tag).ok().flatten();
+        // Bit 0 of the newer field.
+        number(NEW_SUBFILE_TYPE).is_some_and(|kind| kind & 1 == 1)
+            || number(SUBFILE_TYPE) == Some(2)
+    }
+
+    /// Whether the picture of `size` is the preview in a camera's raw photo: beside a larger
+    /// picture below it, beside a sensor's counts in a maker's packing, or far smaller than the
+    /// photo that a camera's own notes describe.
+    fn is_of_raw(&self, size: Size) -> bool {
+        let below = |tag| self.numbers(tag).ok().flatten().unwrap_or_default();
+        let read = |at: usize| Directory::read(self.file, at).ok();
+        let is_photo = |below: Directory<'_>| {
+            below.size().is_ok_and(|below| below.area() > size.area()) || below.is_packed_by_maker()
+        };
+        let next = self.next().ok().filter(|&at| at > 0).and_then(read);
+        let inner = below(SUB_DIRECTORIES).into_iter().take(BELOW_MAX).filter_map(read);
+        self.is_packed_by_maker()
+            || next.is_some_and(|next| next.is_packed_by_maker())
+            || inner.into_iter().any(is_photo)
+            || below(EXIF_DIRECTORY).first().and_then(|&at| read(at)).is_some_and(|exif| {
+                let width = exif.number(PIXEL_WIDTH).ok().flatten().unwrap_or(0);
+                exif.find(MAKER_NOTE).is_some() && width > PREVIEW_TIMES * size.width
+            })
+    }
+
+    fn is_packed_by_maker(&self) -> bool {
+        let packing = self.number(COMPRESSION).ok().flatten();
+        packing.is_some_and(|packing| MAKERS_PACKINGS.contains(&packing))
     }
 
     /// Checks that inks, compression and depth are read.
@@ -164,7 +198,8 @@ impl<'a> File<'a> {
         File { bytes, big_endian: bytes.starts_with(b"MM") }
     }
 
-    /// Checks that these strips or tiles, `plain` or packed, lie in the file and are no hole.
+    /// Checks that these strips or tiles, `plain` or packed, lie in the file and, if packed, are no
+    /// hole.
     ///
     /// # Errors
     /// [`Flaw::Truncated`] or [`Flaw::ZeroFilled`].
@@ -174,24 +209,22 @@ impl<'a> File<'a> {
         counts: &[usize],
         plain: bool,
     ) -> Result<(), Flaw> {
-        let mut zeros_at_end = 0;
-        let mut total = 0;
         for (&from, &length) in offsets.iter().zip(counts) {
             let Some(strip) = from.checked_add(length).and_then(|to| self.bytes.get(from..to))
             else {
                 return Err(self.ended_early("picture data past the end"));
             };
-            total += length;
-            let trailing = strip.iter().rev().take_while(|&&b| b == 0).count();
-            zeros_at_end = if trailing == length { zeros_at_end + length } else { trailing };
-        }
-        // Zeros in plain data are black pixels, but no sensor is so quiet that the last quarter is
-        // all zeros. Guess. Packed data has no runs of them.
-        let allowed = if plain { (total / 4).max(HOLE_BYTES) } else { HOLE_BYTES };
-        if zeros_at_end >= allowed {
-            let length = self.bytes.len();
-            let to = offsets.iter().zip(counts).map(|(o, c)| o + c).max().unwrap_or(length);
-            return Err(Flaw::ZeroFilled { from: to.saturating_sub(zeros_at_end), to, length });
+            // Zeros in plain data are black pixels. Packed data neither begin nor end with many.
+            let zeros =
+                |bytes: &mut dyn Iterator<Item = &u8>| bytes.take_while(|b| **b == 0).count();
+            let (head, tail) = (zeros(&mut strip.iter()), zeros(&mut strip.iter().rev()));
+            if !plain && head.max(tail) >= HOLE_BYTES.min(length) && length > 0 {
+                let (from, to) = match head > tail {
+                    true => (from, from + head),
+                    false => (from + length - tail, from + length),
+                };
+                return Err(Flaw::ZeroFilled { from, to, length: self.bytes.len() });
+            }
         }
         Ok(())
     }
@@ -228,7 +261,7 @@ impl<'a> File<'a> {
             4 | 13 => 4,
             other => return Err(self.damaged(&format!("a field of type {other}"), "SHORT or LONG")),
         };
-        let (count, at) = self.place(entry, width)?;
+        let (count, at) = self.values(entry, width)?;
         (0..count)
             .map(|n| match width {
                 1 => {
@@ -244,11 +277,17 @@ impl<'a> File<'a> {
     /// The number of values of the entry at `entry`, `width` bytes each, and where they begin.
     pub(super) fn place(&self, entry: usize, width: usize) -> Result<(usize, usize), Flaw> {
         let count = self.u32(entry + 4)? as usize;
+        let is_here = count.saturating_mul(width) <= 4;
+        Ok((count, if is_here { entry + 8 } else { self.u32(entry + 8)? as usize }))
+    }
+
+    /// As [`File::place`], for values to be read one by one.
+    pub(super) fn values(&self, entry: usize, width: usize) -> Result<(usize, usize), Flaw> {
+        let (count, at) = self.place(entry, width)?;
         if count > VALUES_MAX {
             return Err(self
                 .damaged(&format!("a field of {count} values"), &format!("at most {VALUES_MAX}")));
         }
-        let at = if count * width <= 4 { entry + 8 } else { self.u32(entry + 8)? as usize };
         Ok((count, at))
     }
 
@@ -323,9 +362,11 @@ mod tests {
         let file = |kind: u32| with(NEW_SUBFILE_TYPE, 4, kind, &[]);
         assert_eq!(walk(&file(0)).unwrap().size, Some(Size::new(16, 12)));
         let words = walk(&file(1)).err().map(|flaw| flaw.to_string()).unwrap_or_default();
+        assert!(words.contains("reduced copy") && words.contains("save the photo"), "{words}");
+        // By the older field, by a maker's packing, and with a larger picture below it.
+        assert!(walk(&with(SUBFILE_TYPE, 4, 2, &[])).is_err());
+        let words = walk(&with(COMPRESSION, 4, 34713, &[])).unwrap_err().to_string();
         assert!(words.contains("a camera raw photo") && words.contains("develop it"), "{words}");
-        // By the older field, and one whose photo is a larger picture below it.
-        assert!(walk(&with(SUBFILE_TYPE, 3, 2, &[])).is_err());
         let file = |width: u8| {
             let mut below = vec![2, 0];
             for tag in [0, 1] {
@@ -338,6 +379,21 @@ mod tests {
         };
         assert!(walk(&file(12)).is_ok(), "a smaller one is a preview of this");
         assert!(walk(&file(40)).is_err());
+    }
+
+    #[test]
+    fn black_pictures_are_whole_and_side_fields_no_reason() {
+        let black = |packing: u32| {
+            let mut bytes = with(COMPRESSION, 4, packing, &[]);
+            let from = bytes.len() - 192;
+            bytes[from..].fill(0);
+            walk(&bytes)
+        };
+        assert!(black(1).is_ok(), "plain pixels");
+        assert!(matches!(black(5), Err(Flaw::ZeroFilled { .. })), "LZW codes no picture so");
+        let large = vec![7; VALUES_MAX + 1];
+        assert!(walk(&with(IMAGE_RESOURCES, 7, large.len() as u32, &large)).is_ok());
+        assert!(walk(&with(RESOLUTION_UNIT, 12, 9, &[])).is_ok(), "a number of another type");
     }
 
     #[test]

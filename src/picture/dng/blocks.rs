@@ -88,8 +88,12 @@ impl SiteBlocks {
         };
         let blocks: Vec<SiteBlock> = (0..counts.len()).map(place).collect();
         let rows = |of: &SiteBlock| if in_tiles { block.height } else { of.size.height };
+        // A smaller count that is right for another depth, as some programs write, is not needed.
         let whole = |(of, &count): (&SiteBlock, &usize)| {
-            (rows(of) * row_bytes..=rows(of) * row_bytes + FILLED_MAX).contains(&count)
+            BITS.into_iter().filter(|&b| b <= bits).any(|bits| {
+                let all = rows(of) * (block.width * bits).div_ceil(8);
+                (all..=all + FILLED_MAX).contains(&count)
+            })
         };
         if !blocks.iter().zip(&counts).all(whole) {
             return Err(misfit());

@@ -2,7 +2,7 @@
 //!
 //! ITU-T T.81: sequential and progressive, Huffman coding, 8 bits, one component or three, the last
 //! two perhaps at half the width, height or both. Photos of other kinds are solved as decoded.
-//! Memory is bounded by the picture's size, already checked by the walk, and time by [`SCANS_MAX`]
+//! Memory is bounded by [`AREA_MAX`], and time by [`SCANS_MAX`]
 //! passes over it.
 
 use super::huffman::{Bits, HuffmanCodes};
@@ -12,6 +12,8 @@ use crate::frame::{BLOCK_AREA, BLOCK_PX, CodedComponent, Coding, Size};
 
 /// Most scans of one picture. Guess: progressive coders write ten.
 const SCANS_MAX: usize = 64;
+/// Most pixels, twice the usual limit of photos. Guess.
+const AREA_MAX: usize = 1 << 26;
 
 /// The tables in force at one place of a file.
 #[derive(Default)]
@@ -23,6 +25,8 @@ struct CodedFile {
     /// Whether the components are red, green and blue, by Adobe's marker.
     is_rgb: bool,
     frame: Option<CodedFrame>,
+    /// Whether each scan so far ended where its data end.
+    fills_scans: bool,
 }
 
 /// The picture being read.
@@ -45,7 +49,27 @@ struct ComponentHeader {
 /// The coefficients and steps of the JPEG `bytes`; `None` for a kind that is not read, or a file
 /// that is not whole.
 pub(in crate::picture) fn coefficients(bytes: &[u8]) -> Option<Coding> {
-    let mut state = CodedFile::default();
+    let CodedFile { is_rgb, frame, .. } = read(bytes)?;
+    let CodedFrame { size, components, heads, .. } = frame?;
+    // Components named R, G and B are not brightness and colour differences.
+    let is_rgb = is_rgb && heads.len() > 1 || heads.iter().map(|h| h.identifier).eq(*b"RGB");
+    let is_dense = |head: &ComponentHeader| head.sampling.0.max(head.sampling.1) <= 2;
+    if is_rgb || !matches!(heads.len(), 1 | 3) || !heads.iter().all(is_dense) {
+        return None;
+    }
+    let coding = Coding { size, components };
+    coding.is_whole().then_some(coding)
+}
+
+/// Whether each scan of the JPEG `bytes` decodes to all of its blocks and ends where its data end.
+/// Zeros in place of data decode to another number of blocks.
+pub(super) fn decodes_in_full(bytes: &[u8]) -> bool {
+    read(bytes).is_some_and(|state| state.fills_scans)
+}
+
+/// The JPEG `bytes` decoded; `None` where it cannot be.
+fn read(bytes: &[u8]) -> Option<CodedFile> {
+    let mut state = CodedFile { fills_scans: true, ..CodedFile::default() };
     let mut scans = 0;
     for segment in Segments::new(bytes) {
         let Segment { marker, body, coded } = segment.ok()?;
@@ -60,14 +84,17 @@ pub(in crate::picture) fn coefficients(bytes: &[u8]) -> Option<Coding> {
             0xee if body.starts_with(b"Adobe") => state.is_rgb = body.get(11) == Some(&0),
             SCAN => {
                 scans += 1;
-                state.read_scan(body, bytes, coded.start).filter(|()| scans <= SCANS_MAX)?;
+                let end = state.read_scan(body, bytes, coded.start)?;
+                // Fill bytes may stand before a marker (B.1.1.2).
+                state.fills_scans &= bytes.get(end..coded.end)?.iter().all(|&b| b == 0xff);
+                if scans > SCANS_MAX {
+                    return None;
+                }
             }
             _ => {}
         }
     }
-    let frame = state.frame.filter(|f| f.heads.len() == 1 || !state.is_rgb)?;
-    let coding = Coding { size: frame.size, components: frame.components };
-    coding.is_whole().then_some(coding)
+    Some(state)
 }
 
 fn u16_at(bytes: &[u8], at: usize) -> Option<u16> {
@@ -83,16 +110,16 @@ fn frame_of(body: &[u8], progressive: bool) -> Option<CodedFrame> {
         ComponentHeader { identifier: c[0], sampling, steps: usize::from(c[2]) }
     };
     let heads: Vec<_> = body.get(6..)?.chunks_exact(3).map(head).collect();
-    let few = matches!(count, 1 | 3) && heads.len() == count && size.area() > 0;
-    // Components named R, G and B are not brightness and colour differences.
-    if body.first() != Some(&8) || !few || heads.iter().map(|h| h.identifier).eq(*b"RGB") {
+    let few = (1..=4).contains(&count) && heads.len() == count;
+    if body.first() != Some(&8) || !few || !(1..=AREA_MAX).contains(&size.area()) {
         return None;
     }
     let densest = if count == 1 { (1, 1) } else { heads[0].sampling };
     let divides = |(across, down): (u8, u8)| {
         count == 1 || (across > 0 && down > 0 && densest.0 % across == 0 && densest.1 % down == 0)
     };
-    let sound = (1..=2).contains(&densest.0) && (1..=2).contains(&densest.1);
+    // T.81, table B.2.
+    let sound = (1..=4).contains(&densest.0) && (1..=4).contains(&densest.1);
     if !sound || !heads.iter().all(|head| divides(head.sampling)) {
         return None;
     }
@@ -177,8 +204,8 @@ impl CodedFile {
         Some(())
     }
 
-    /// Reads the scan with the header `body`, whose data begin at `at`.
-    fn read_scan(&mut self, body: &[u8], bytes: &[u8], at: usize) -> Option<()> {
+    /// Reads the scan with the header `body`, whose data begin at `at`; returns where they end.
+    fn read_scan(&mut self, body: &[u8], bytes: &[u8], at: usize) -> Option<usize> {
         let count = usize::from(*body.first()?);
         let fields = *body.get(1 + 2 * count..)?.first_chunk()?;
         let scan = self.frame.as_ref()?.scan(fields, count)?;
@@ -210,7 +237,7 @@ impl CodedFile {
                 }
             }
         }
-        Some(())
+        Some(bits.end())
     }
 
     /// The components of a scan that `listed` names, with their tables; fixes the steps of each.

@@ -14,6 +14,11 @@ impl<'a> Bits<'a> {
         Bits { bytes, at, held: 0, count: 0 }
     }
 
+    /// Where the byte after that of the last bit begins.
+    pub(super) fn end(&self) -> usize {
+        self.at
+    }
+
     /// The next bit; `None` at a marker or the end.
     pub(super) fn bit(&mut self) -> Option<u32> {
         if self.count == 0 {

@@ -28,6 +28,53 @@ fn zeros_in_place_of_data_are_reported_as_a_hole() {
     assert!(matches!(walk(&middle), Err(Flaw::ZeroFilled { .. })));
 }
 
+/// A picture of 512×512 whose upper half is white, in codes made for it.
+fn half_white(progressive: bool) -> Vec<u8> {
+    let pixels: Vec<u8> = (0..512 * 512u32)
+        .map(|n| if n < 512 * 384 { 255 } else { (n.wrapping_mul(2_654_435_761) >> 25) as u8 })
+        .collect();
+    let mut bytes = Vec::new();
+    let mut encoder = jpeg_encoder::Encoder::new(&mut bytes, 80);
+    encoder.set_optimized_huffman_tables(true);
+    encoder.set_progressive(progressive);
+    encoder.encode(&pixels, 512, 512, jpeg_encoder::ColorType::Luma).unwrap();
+    bytes
+}
+
+#[test]
+fn zeros_that_are_picture_are_no_hole() {
+    for progressive in [false, true] {
+        let whole = half_white(progressive);
+        let scan = whole.windows(2).rposition(|w| w == [0xff, SCAN]).unwrap();
+        let run = longest_zero_run(&whole);
+        if !progressive {
+            assert!(run.len() >= HOLE_BYTES, "{run:?}: the picture is coded in zeros");
+        }
+        assert!(walk(&whole).is_ok());
+        // As many zeros in place of the other half.
+        let mut hole = whole.clone();
+        let from = scan.max(run.end) + 2000;
+        hole[from..from + 1000].fill(0);
+        assert!(matches!(walk(&hole), Err(Flaw::ZeroFilled { .. })), "{progressive}");
+    }
+}
+
+#[test]
+fn bytes_between_segments_are_skipped_and_rare_codings_named() {
+    let (_, plain) = files().into_iter().nth(1).unwrap();
+    let padded = [&plain[..2], &[0, 0, 7], &plain[2..]].concat();
+    assert_eq!(walk(&padded).unwrap().size, walk(&plain).unwrap().size);
+    let read = |bytes: &[u8]| image::load_from_memory(bytes).unwrap().into_rgb8();
+    assert_eq!(read(&padded), read(&plain), "the decoder skips them, too");
+    let sof = plain.windows(2).position(|w| w == [0xff, 0xc0]).unwrap();
+    for (marker, words) in [(0xc9, "arithmetic"), (0xc3, "lossless"), (0xc5, "hierarchical")] {
+        let mut other = plain.clone();
+        other[sof + 1] = marker;
+        let flaw = walk(&other).unwrap_err().to_string();
+        assert!(flaw.contains(words) && flaw.contains("save it so"), "{flaw}");
+    }
+}
+
 #[test]
 fn data_after_the_end_is_ignored() {
     let mut more = ROCKET.to_vec();

@@ -66,8 +66,13 @@ impl<'a> Directory<'a> {
     pub(in crate::picture) fn reals(&self, tag: u16) -> Result<Option<Vec<f32>>, Flaw> {
         let Some(entry) = self.find(tag) else { return Ok(None) };
         let kind = self.file.u16(entry + 2)?;
+        if kind == 11 {
+            let (count, at) = self.file.values(entry, 4)?;
+            let single = |n: usize| self.file.u32(at + 4 * n).map(f32::from_bits);
+            return (0..count).map(single).collect::<Result<Vec<_>, Flaw>>().map(Some);
+        }
         if kind == 12 {
-            let (count, at) = self.file.place(entry, 8)?;
+            let (count, at) = self.file.values(entry, 8)?;
             let double = |n: usize| self.file.f64(at + 8 * n).map(|v| v as f32);
             return (0..count).map(double).collect::<Result<Vec<_>, Flaw>>().map(Some);
         }
@@ -75,7 +80,7 @@ impl<'a> Directory<'a> {
             let whole = self.file.numbers(entry)?;
             return Ok(Some(whole.into_iter().map(|v| v as f32).collect()));
         }
-        let (count, at) = self.file.place(entry, 8)?;
+        let (count, at) = self.file.values(entry, 8)?;
         let fraction = |n: usize| {
             let (above, below) = (self.file.u32(at + 8 * n)?, self.file.u32(at + 8 * n + 4)?);
             // Type 10 has signs.
