@@ -13,7 +13,7 @@ use super::store::ledger::ATTEMPTS_MAX;
 use super::store::recover::settle;
 use super::store::report_file::{Delivered, Failed, Report};
 use super::watcher::Watcher;
-use crate::disk::{FileError, FileKind};
+use crate::disk::{FileError, FileKind, Metadata};
 use crate::frame::Size;
 use crate::picture::{Growth, Photo, PictureError};
 use crate::pipeline::Outcome;
@@ -39,6 +39,8 @@ pub enum JobEnd {
         report: Box<Report>,
         /// Names of original and result.
         delivered: Delivered,
+        /// The original as it was taken.
+        original: Metadata,
     },
     /// The photo is in `failed`.
     Failed(Failed),
@@ -60,6 +62,10 @@ enum JobError {
     Picture(#[from] PictureError),
     #[error("{} (it is still being written)", full_message(.0))]
     Growing(PictureError),
+    #[error(
+        "{photo}: it was written to while it was restored; it is restored again from the start"
+    )]
+    Changed { photo: String },
     #[error("{}", .0.message_for_owner())]
     NotDurable(FileError),
     #[error(
@@ -98,7 +104,9 @@ impl Remediable for JobError {
     fn remedy(&self) -> Remedy {
         match self {
             JobError::Picture(error) => error.remedy(),
-            JobError::Growing(_) | JobError::NotDurable(_) => Remedy::RetryLater,
+            JobError::Growing(_) | JobError::Changed { .. } | JobError::NotDurable(_) => {
+                Remedy::RetryLater
+            }
             JobError::Interrupted { .. }
             | JobError::WorkerDied(_)
             | JobError::WrongSize { .. }
@@ -192,7 +200,8 @@ impl Job<'_> {
         let error = match result {
             Ok(report) => {
                 let delivered = photo.close(folders, &mut |step| self.watcher.step(step))?;
-                return Ok(JobEnd::Done { report: Box::new(report), delivered });
+                let original = photo.metadata;
+                return Ok(JobEnd::Done { report: Box::new(report), delivered, original });
             }
             Err(JobError::Files(error)) => return Err(error.into()),
             Err(error) => error,
@@ -219,7 +228,7 @@ impl Job<'_> {
         if attempts >= ATTEMPTS_MAX {
             return Err(JobError::Interrupted { photo: photo.display_name(), attempts });
         }
-        let not_a_file = match photo.kind {
+        let not_a_file = match photo.metadata.kind {
             FileKind::File => None,
             FileKind::Link => Some("a link"),
             FileKind::Folder => Some("a folder"),
@@ -249,6 +258,12 @@ impl Job<'_> {
         };
         let outcome = self.restore(&read)?;
         self.watcher.step(JobStep::Restored);
+        let files = self.folders.files();
+        if files.metadata(&photo.path)? != photo.metadata
+            || files.checksum(&photo.path)? != (read.file.crc32, read.file.bytes)
+        {
+            return Err(JobError::Changed { photo: photo.display_name() });
+        }
         let delivery = Delivery {
             folders: self.folders,
             photo: &read,

@@ -19,6 +19,7 @@ mod schedule;
 pub mod service;
 mod setting;
 mod store;
+mod upkeep;
 mod watcher;
 
 pub use error::{CalibrationCause, DaemonError};

@@ -7,7 +7,7 @@ use std::time::SystemTime;
 
 use super::clocks::Clocks;
 use super::error::DaemonError;
-use super::job::{Job, JobEnd, Unsettled};
+use super::job::{Job, JobEnd};
 use super::report::state::Doing;
 use super::report::summary::Summary;
 use super::report::{Reporter, Snapshot};
@@ -19,6 +19,7 @@ use super::store::inbox::{Inbox, Patience, Ready};
 use super::store::limits::{Keeping, Now};
 use super::store::report_file::{Delivered, Failed};
 use super::store::withdraw::withdraw;
+use super::upkeep::Upkeep;
 use super::watcher::Watcher;
 use crate::config::Keep;
 use crate::disk::FileError;
@@ -41,12 +42,6 @@ const MISSING_POLL_S: f64 = 2.0;
 
 /// Time without a change after which an incomplete photo is reported. Guess.
 const MENTION_S: f64 = 60.0;
-
-/// Chores at each scan of the inbox.
-struct Upkeep<'a> {
-    keeping: Keeping<'a>,
-    unsettled: Unsettled,
-}
 
 /// Progress of a pass over the inbox.
 #[derive(Default)]
@@ -89,10 +84,7 @@ impl<'a> Daemon<'a> {
             watcher,
             schedule: Box::new(()),
             inbox: Inbox::new(if setting.hints { Hints::new() } else { Hints::none() }),
-            upkeep: Upkeep {
-                keeping: Keeping::new(Keep::default(), &|| true),
-                unsettled: Unsettled::default(),
-            },
+            upkeep: Upkeep::new(),
             reporter: Reporter::open(&folders, &setting.rig, setting.needs_button)?,
             folders,
             setting,
@@ -328,11 +320,16 @@ impl<'a> Daemon<'a> {
     /// Does the chores and scans the inbox.
     fn scan(&mut self, patience: Patience) -> Result<Ready, DaemonError> {
         let (folders, now) = (&self.folders, self.clocks.now());
-        let Upkeep { keeping, unsettled } = &mut self.upkeep;
+        let Upkeep { keeping, unsettled, .. } = &mut self.upkeep;
         unsettled.settle(folders)?;
         if keeping.sweep(folders, self.schedule.unproven(), now) {
             self.reporter.reload(folders);
         }
+        let late = self.upkeep.late.take_changed(folders, now.moment);
+        if !late.is_empty() {
+            self.withdraw(&late)?;
+        }
+        let folders = &self.folders;
         Ok(self.inbox.scan(folders, now.moment, patience)?)
     }
 
@@ -402,6 +399,9 @@ impl<'a> Daemon<'a> {
         };
         let end = job.run(path);
         self.watcher.ended();
+        if end.is_err() {
+            self.inbox.return_turn();
+        }
         end
     }
 
@@ -411,7 +411,11 @@ impl<'a> Daemon<'a> {
             self.inbox.forget(path);
         }
         match end {
-            JobEnd::Done { report, .. } => self.reporter.add(*report),
+            JobEnd::Done { report, delivered, original } => {
+                self.reporter.add(*report);
+                let until = Moment(self.clocks.moment().0 + self.setting.unfinished_s);
+                self.upkeep.late.watch(&self.folders, delivered, original, until);
+            }
             JobEnd::Failed(failed) => self.reporter.add_failed(failed),
             JobEnd::Deferred { path, failed } => self.defer(path, failed.reason, retry_s),
             JobEnd::Gone => {}

@@ -17,6 +17,7 @@ use std::sync::{Arc, LazyLock};
 
 use serde::Serialize;
 use serde::de::DeserializeOwned;
+use unicode_normalization::UnicodeNormalization;
 
 use super::error::FileError;
 use super::{Disk, FileKind, LocalDisk, Metadata, Unsynced};
@@ -142,12 +143,57 @@ impl Files {
         }
     }
 
-    /// Renames `from` to `to`, which must not exist.
+    /// CRC-32 and length of the file `path`.
+    ///
+    /// # Errors
+    /// When it cannot be read.
+    pub fn checksum(&self, path: &Path) -> Result<(u32, u64), FileError> {
+        let (mut file, mut hasher) = (self.open(path)?, crc32fast::Hasher::new());
+        let (mut piece, mut length) = (vec![0; 1 << 16], 0);
+        loop {
+            match file.read(&mut piece).map_err(FileError::at("read", path))? {
+                0 => return Ok((hasher.finalize(), length)),
+                n => {
+                    hasher.update(&piece[..n]);
+                    length += n as u64;
+                }
+            }
+        }
+    }
+
+    /// Moves `from` to `to`, which must not exist, also to another file system.
     ///
     /// # Errors
     /// `AlreadyExists`, or any error of the disk; nothing has changed then.
     pub fn rename_new(&self, from: &Path, to: &Path) -> Result<(), FileError> {
-        self.0.rename_new(from, to).map_err(FileError::at("move", from))
+        match self.0.rename_new(from, to) {
+            Err(error) if error.kind() == ErrorKind::CrossesDevices => self.copy_across(from, to),
+            done => done,
+        }
+        .map_err(FileError::at("move", from))
+    }
+
+    /// Moves `from` to `to` on another file system: copied, synchronised, then removed. After a
+    /// power cut before the removal the file is in both places.
+    fn copy_across(&self, from: &Path, to: &Path) -> io::Result<()> {
+        let (Some(source), Some(target)) = (from.parent(), to.parent()) else {
+            return Err(ErrorKind::InvalidInput.into());
+        };
+        let before = self.0.metadata(from)?;
+        let temporary = temporary_in(target);
+        let copied = self
+            .0
+            .open(from)
+            .and_then(|mut content| self.0.write(&temporary, &mut content)?.sync())
+            .and_then(|()| self.0.rename_new(&temporary, to));
+        copied.inspect_err(|_| drop(self.0.remove(&temporary)))?;
+        self.0.sync_folder(target)?;
+        if self.0.metadata(from)? != before {
+            self.0.remove(to)?;
+            return Err(io::Error::new(ErrorKind::ResourceBusy, "it is still being written"));
+        }
+        self.0.remove(from)?;
+        self.0.sync_folder(source)
     }
 
     /// Makes the names in `folder` durable.
@@ -261,7 +307,13 @@ impl Files {
         let taken = self.taken_names(folder)?;
         for name in numbered(name).filter(|name| !taken.holds(name)) {
             let path = folder.join(name);
-            match rename(from, &path) {
+            let moved = match rename(from, &path) {
+                Err(error) if error.kind() == ErrorKind::CrossesDevices => {
+                    self.copy_across(from, &path)
+                }
+                moved => moved,
+            };
+            match moved {
                 // The name was taken since the check.
                 Err(error) if error.kind() == ErrorKind::AlreadyExists => {}
                 done => return done.map(|()| path).map_err(FileError::at("move", from)),
@@ -327,8 +379,8 @@ pub fn json_in_lines(value: &impl Serialize, path: &Path) -> Result<Vec<u8>, Fil
     serde_json::to_vec_pretty(value).map_err(|e| FileError::at("write", path)(e.into()))
 }
 
-/// Names in a folder, compared without case: on a case-insensitive share or computer `A.jpg` would
-/// hide `a.jpg`.
+/// Names in a folder, compared without case and in one form of composed letters: on some shares and
+/// computers `A.jpg` would hide `a.jpg`, and `é` in two letters that in one.
 pub struct TakenNames(HashSet<Vec<u8>>);
 
 impl TakenNames {
@@ -338,10 +390,11 @@ impl TakenNames {
     }
 }
 
-/// `name` in lower case; in bytes that are not UTF-8, only ASCII letters.
+/// `name` composed (NFC) and in lower case; in bytes that are not UTF-8, only ASCII letters.
 fn folded(name: &OsStr) -> Vec<u8> {
     match name.to_str() {
-        Some(text) => text.to_lowercase().into_bytes(),
+        Some(text) if text.is_ascii() => text.to_ascii_lowercase().into_bytes(),
+        Some(text) => text.nfc().collect::<String>().to_lowercase().into_bytes(),
         None => name.as_bytes().to_ascii_lowercase(),
     }
 }
@@ -420,6 +473,11 @@ mod tests {
         files.write_new(at, OsStr::new("a.txt"), &mut &b"first"[..]).unwrap();
         assert!(files.write_new(at, OsStr::new("a.txt"), &mut &b"second"[..]).is_err());
         files.write_new(at, OsStr::new("b.txt"), &mut &b"third"[..]).unwrap();
+        let composed = files.move_to(&at.join("b.txt"), at, OsStr::new("\u{e9}.txt")).unwrap();
+        files.write_new(at, OsStr::new("b.txt"), &mut &b"fourth"[..]).unwrap();
+        let other = files.move_to(&at.join("b.txt"), at, OsStr::new("e\u{301}.txt")).unwrap();
+        assert!(composed != other && other.ends_with("e\u{301}-2.txt"), "{other:?}");
+        files.move_to(&composed, at, OsStr::new("b.txt")).unwrap();
         let moved = files.move_to(&at.join("b.txt"), at, OsStr::new("A.txt")).unwrap();
         assert_eq!(moved.file_name().unwrap(), "A-2.txt");
         assert_eq!(std::fs::read(at.join("a.txt")).unwrap(), b"first");

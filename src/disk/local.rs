@@ -12,8 +12,8 @@ use std::os::unix::ffi::OsStrExt;
 use std::path::{Path, PathBuf};
 
 use rustix::fs::{
-    AtFlags, CWD, Dir, FileType, Mode, OFlags, RenameFlags, ResolveFlags, Stat, linkat, mkdirat,
-    openat, openat2, renameat, renameat_with, statat, statvfs, unlinkat,
+    AtFlags, CWD, Dir, FileType, Mode, OFlags, RenameFlags, ResolveFlags, Stat, fstat, fstatvfs,
+    linkat, mkdirat, openat, openat2, renameat, renameat_with, statat, statvfs, unlinkat,
 };
 use rustix::io::Errno;
 
@@ -25,21 +25,32 @@ const TRIES_MAX: usize = 16;
 /// The disk beneath a few anchor folders.
 #[derive(Debug, Clone)]
 pub struct LocalDisk {
-    anchors: Vec<PathBuf>,
+    anchors: Vec<AnchorFolder>,
+}
+
+/// A folder that paths are resolved from.
+#[derive(Debug, Clone)]
+struct AnchorFolder {
+    path: PathBuf,
+    /// Whether another disk is mounted there.
+    is_mount: bool,
 }
 
 impl LocalDisk {
     /// The disk beneath `anchors`, which are absolute and without links.
     pub fn new(anchors: Vec<PathBuf>) -> LocalDisk {
-        LocalDisk { anchors }
+        let is_mount =
+            |path: &Path| disk_of(path).ok() != path.parent().and_then(|above| disk_of(above).ok());
+        let anchor = |path: PathBuf| AnchorFolder { is_mount: is_mount(&path), path };
+        LocalDisk { anchors: anchors.into_iter().map(anchor).collect() }
     }
 
     /// The deepest anchor above `path`, and the path relative to it.
-    fn anchored<'a>(&'a self, path: &'a Path) -> io::Result<(&'a Path, &'a Path)> {
+    fn anchored<'a>(&'a self, path: &'a Path) -> io::Result<(&'a AnchorFolder, &'a Path)> {
         let above = self
             .anchors
             .iter()
-            .filter_map(|anchor| Some((&**anchor, path.strip_prefix(anchor).ok()?)));
+            .filter_map(|anchor| Some((anchor, path.strip_prefix(&anchor.path).ok()?)));
         above.min_by_key(|(_, relative)| relative.as_os_str().len()).ok_or_else(|| {
             let words = format!("{} is outside the drop folder", path.display());
             io::Error::new(io::ErrorKind::PermissionDenied, words)
@@ -49,7 +60,15 @@ impl LocalDisk {
     fn folder(&self, folder: &Path) -> io::Result<OwnedFd> {
         let (anchor, relative) = self.anchored(folder)?;
         let flags = OFlags::RDONLY | OFlags::DIRECTORY | OFlags::CLOEXEC;
-        let anchor = openat(CWD, anchor, flags, Mode::empty())?;
+        let AnchorFolder { path, is_mount } = anchor;
+        let anchor = openat(CWD, path, flags, Mode::empty())?;
+        // Beneath a mount that vanished lies an empty folder of the disk around it.
+        if *is_mount
+            && path.parent().and_then(|above| disk_of(above).ok()) == Some(fstat(&anchor)?.st_dev)
+        {
+            let words = format!("the disk of {} is not mounted", path.display());
+            return Err(io::Error::new(io::ErrorKind::NotFound, words));
+        }
         match relative.as_os_str().is_empty() {
             true => Ok(anchor),
             false => Ok(open_beneath(&anchor, relative, flags)?),
@@ -63,6 +82,11 @@ impl LocalDisk {
             _ => Err(io::ErrorKind::InvalidInput.into()),
         }
     }
+}
+
+/// The number of the disk that `path` lies on.
+fn disk_of(path: &Path) -> io::Result<u64> {
+    Ok(statat(CWD, path, AtFlags::empty())?.st_dev)
 }
 
 /// Opens `path` from `anchor` without leaving it and without following links.
@@ -205,7 +229,14 @@ impl Disk for LocalDisk {
         let (folder, name) = self.parent_and_name(path)?;
         let flags =
             OFlags::WRONLY | OFlags::CREATE | OFlags::TRUNC | OFlags::NOFOLLOW | OFlags::CLOEXEC;
-        let mut file = File::from(openat(&folder, name, flags, Mode::from_raw_mode(0o666))?);
+        let file = openat(&folder, name, flags, Mode::from_raw_mode(0o666));
+        let mut file = File::from(file.map_err(|errno| match fstatvfs(&folder) {
+            Ok(disk) if errno == Errno::NOSPC && disk.f_bavail > 0 && disk.f_favail == 0 => {
+                let words = "the disk has room but no inodes for more files: remove some files";
+                io::Error::new(io::ErrorKind::StorageFull, words)
+            }
+            _ => errno.into(),
+        })?);
         io::copy(content, &mut file)?;
         file.flush()?;
         Ok(Box::new(LocalFile(file)))

@@ -385,3 +385,35 @@ fn no_fault_harms_a_photo() {
     println!("{photos} photos");
     assert!(photos > 0);
 }
+
+/// The disk of a box whose inbox lies on another file system.
+#[test]
+fn photos_are_taken_from_an_inbox_on_another_file_system() {
+    let guard = |op: &Op, _: &Contents| match op {
+        Op::Rename(from, to) if from.parent() != to.parent() => {
+            Err(std::io::Error::from_raw_os_error(18)) // EXDEV
+        }
+        _ => Ok(Verdict::Done),
+    };
+    let disk = ModelDisk::new(Contents::default(), Box::new(guard));
+    disk.make_folder(Path::new(ROOT)).unwrap();
+    let folders = Folders::on(Arc::new(disk.clone()), Path::new(ROOT)).unwrap();
+    let photo = good("a.png", 50.0);
+    let letter = b"Dear Sir".to_vec();
+    disk.drop_in(&Path::new(ROOT).join("inbox/a.png"), &photo.bytes, 1);
+    disk.drop_in(&Path::new(ROOT).join("inbox/b.png"), &letter, 2);
+    let (clock, mut restorer, mut watcher) = (TestClock::default(), Brightener::default(), ());
+    let calendar = || UNIX_EPOCH + Duration::from_secs(CALENDAR_UNIX_S);
+    let setting = DaemonSetting::new("test rig", TINY, Curve::Srgb);
+    let mut daemon =
+        Daemon::open(folders, setting, &mut restorer, &clock, &calendar, &mut watcher).unwrap();
+    let summary = daemon.once().unwrap();
+    assert_eq!((summary.restored.len(), summary.failed.len()), (1, 1), "{summary:?}");
+    let now = disk.contents().now();
+    let holds =
+        |place: &str| now.get(&Path::new(ROOT).join(place)).map(|(_, bytes)| bytes.to_vec());
+    assert_eq!(holds("done/a.png"), Some(photo.bytes));
+    assert_eq!(holds("failed/b.png"), Some(letter));
+    let inbox = Path::new(ROOT).join("inbox");
+    assert!(now.keys().all(|path| path.parent() != Some(&inbox)), "{:?}", now.keys());
+}

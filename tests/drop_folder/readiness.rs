@@ -345,3 +345,69 @@ fn links_to_folders_are_not_entered_and_nested_folders_are_refused() {
         "{refused}"
     );
 }
+
+#[test]
+fn a_photo_written_to_after_it_was_taken_is_restored_again() {
+    use std::io::Write;
+    let whole = file(Format::Jpeg, 8, RIG);
+    let root = fresh_root();
+    let root = root.path();
+    std::fs::create_dir_all(root.join("inbox")).unwrap();
+    // A program that holds the file open, and adds to it once it was restored.
+    let mut open = std::fs::File::create(root.join("inbox/a.jpg")).unwrap();
+    open.write_all(&whole).unwrap();
+    let (mut trailer, mut added_at) = (Some(b"ftypmp42 and a movie"), 0.0);
+    let (summary, restored) = watch(root, 600.0, without_events(), &mut |now| {
+        if root.join("done/a.jpg").exists() && trailer.is_some() {
+            open.write_all(trailer.take().unwrap()).unwrap();
+            added_at = now;
+        }
+    });
+    assert!(trailer.is_none() && added_at > 0.0);
+    assert_eq!((restored, summary.restored.len(), summary.failed.len()), (2, 1, 0), "{summary:?}");
+    assert_eq!(names(&root.join("done")), set(&["a.jpg"]));
+    let kept = std::fs::read(root.join("done/a.jpg")).unwrap();
+    assert_eq!(kept, [&whole[..], b"ftypmp42 and a movie"].concat());
+    assert_eq!(summary.restored[0].photo_bytes, kept.len() as u64);
+}
+
+#[test]
+fn a_photo_written_to_while_it_is_restored_waits_for_the_next_attempt() {
+    let root = fresh_root();
+    let root = root.path();
+    drop_in(root, "a.png", &file(Format::Png, 8, RIG));
+    let more = file(Format::Png, 16, RIG);
+    struct Writer<'a>(&'a Path, &'a [u8]);
+    impl relens::daemon::Watcher for Writer<'_> {
+        fn step(&mut self, step: relens::daemon::JobStep) {
+            if step == relens::daemon::JobStep::Restored {
+                std::fs::write(self.0.join("working/a.png"), self.1).unwrap();
+            }
+        }
+    }
+    let mut writer = Writer(root, &more);
+    let summary = once_with(root, &mut Brightener::default(), &mut writer).unwrap();
+    assert_eq!((summary.restored.len(), summary.deferred.len()), (0, 1), "{summary:?}");
+    assert!(summary.deferred[0].reason.contains("written to while"), "{summary:?}");
+    assert_eq!(std::fs::read(root.join("inbox/a.png")).unwrap(), more);
+    assert!(names(&root.join("outbox")).iter().all(|name| !name.starts_with("a.")));
+}
+
+#[test]
+fn a_copy_that_reserved_its_space_is_waited_for() {
+    let root = fresh_root();
+    let root = root.path();
+    // The directory of pixels comes first: a plain picture, whose rows are still to come.
+    let mut whole = b"P5 64 48 255\n".to_vec();
+    whole.extend((0..64 * 48).map(|n| (n % 251) as u8));
+    std::fs::create_dir_all(root.join("inbox")).unwrap();
+    let copy = std::fs::File::create(root.join("inbox/a.pgm")).unwrap();
+    std::os::unix::fs::FileExt::write_all_at(&copy, &whole[..13], 0).unwrap();
+    copy.set_len(1 << 20).unwrap();
+    let (summary, restored) = watch(root, 100.0, without_events(), &mut |_| ());
+    assert_eq!((restored, summary.deferred.len(), summary.failed.len()), (0, 1, 0), "{summary:?}");
+    copy.set_len(whole.len() as u64).unwrap();
+    std::os::unix::fs::FileExt::write_all_at(&copy, &whole, 0).unwrap();
+    let (_, restored) = watch(root, 100.0, without_events(), &mut |_| ());
+    assert_eq!(restored, 1);
+}

@@ -31,7 +31,7 @@ impl Schedule for Script {
     fn notify(&mut self, event: Event<'_>, _: &mut dyn Restorer) {
         let Event::Ended(end) = event else { return };
         self.log.borrow_mut().push(match end {
-            JobEnd::Done { report, delivered } => {
+            JobEnd::Done { report, delivered, .. } => {
                 format!("{} is {}", report.result, delivered.kept.to_string_lossy())
             }
             JobEnd::Failed(failed) => format!("{} failed", failed.photo),

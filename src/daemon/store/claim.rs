@@ -9,7 +9,7 @@ use super::ledger::Ledger;
 use super::names::note_name;
 use super::report_file::{Delivered, Failed};
 use crate::disk::files::numbered;
-use crate::disk::{FileError, FileKind, Metadata};
+use crate::disk::{FileError, Metadata};
 
 /// The steps of a job that change the disk. The power may fail between any two.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -72,7 +72,8 @@ pub(crate) fn claim(folders: &Folders, path: &Path) -> Result<Claim, FileError> 
 pub(crate) struct Claimed {
     pub(crate) path: PathBuf,
     pub(crate) name: OsString,
-    pub(crate) kind: FileKind,
+    /// As it was taken.
+    pub(crate) metadata: Metadata,
     pub(crate) ledger: Ledger,
     /// Whether its result is in the outbox, synchronised.
     pub(crate) delivered: bool,
@@ -84,7 +85,7 @@ impl Claimed {
         let name = path.file_name().unwrap_or(path.as_os_str()).to_owned();
         let metadata: Metadata = folders.files().metadata(&path)?;
         let ledger = Ledger::of(folders, &name, metadata)?;
-        Ok(Claimed { path, name, kind: metadata.kind, ledger, delivered: false })
+        Ok(Claimed { path, name, metadata, ledger, delivered: false })
     }
 
     /// The name as text.

@@ -74,6 +74,8 @@ pub(crate) struct Inbox {
     deferred: BTreeMap<PathBuf, Failed>,
     hints: Hints,
     waiting: Waiting,
+    /// Files beside the photos, which stay.
+    companions: usize,
 }
 
 /// Result of a scan.
@@ -95,6 +97,7 @@ impl Inbox {
             deferred: BTreeMap::new(),
             hints,
             waiting: Waiting::default(),
+            companions: 0,
         }
     }
 
@@ -110,7 +113,11 @@ impl Inbox {
         self.hints.watch(inbox, Path::new(""));
         let mut scan = InboxScan::default();
         collect(files, inbox, Path::new(""), 0, &mut scan)?;
-        let InboxScan { found, mut deferred, folders } = scan;
+        let InboxScan { found, mut deferred, folders, companions } = scan;
+        if companions > self.companions {
+            log::info!("{companions} files beside photos stay in the inbox: {KINDS}");
+        }
+        self.companions = companions;
         folders.iter().for_each(|path| self.hints.watch(inbox, path));
         let (mut waiting, unreachable) = (Waiting::default(), deferred.len());
         let mut ready = self.sort_out(found, now, patience, &mut waiting, &mut deferred);
@@ -234,6 +241,11 @@ impl Inbox {
         self.waiting.turn = self.waiting.turn.saturating_sub(1);
     }
 
+    /// The photo taken last is back in the inbox.
+    pub(crate) fn return_turn(&mut self) {
+        self.waiting.turn += 1;
+    }
+
     /// Counts the photos that wait for their turn as waiting for `awaited`.
     pub(crate) fn hold_for(&mut self, awaited: Awaited) {
         self.waiting = self.waiting.held_for(awaited);
@@ -291,6 +303,7 @@ struct InboxScan {
     /// Paths that cannot be examined, with the reason.
     deferred: BTreeMap<PathBuf, String>,
     folders: Vec<PathBuf>,
+    companions: usize,
 }
 
 /// Adds the files in `inbox/path` and its subfolders to `scan`. A folder moved in causes one event
@@ -315,6 +328,7 @@ fn collect(
     };
     for (name, kind) in listed {
         if is_junk(&name) {
+            scan.companions += usize::from(!is_hidden(&name));
             continue;
         }
         let path = path.join(&name);
@@ -342,38 +356,124 @@ pub(crate) fn is_hidden(name: &OsStr) -> bool {
     name.as_bytes().starts_with(b".")
 }
 
-/// Whether `name` is a by-product of systems and shares, or that of an upload under way.
+/// The kinds of companions, for the log.
+const KINDS: &str = "sidecars, movies, sounds, thumbnails, catalogues, files still being sent";
+
+/// Names of files and folders of systems, shares and photo programs.
+const NAMES: [&str; 19] = [
+    "$recycle.bin",
+    "#recycle",
+    "@eadir",
+    "@recycle",
+    "@tmp",
+    "__macosx",
+    "desktop.ini",
+    "ehthumbs.db",
+    "icon\r",
+    "ipod photo cache",
+    "lost+found",
+    "network trash folder",
+    "picasa.ini",
+    "system volume information",
+    "temporary items",
+    "thumbnails",
+    "thumbs.db",
+    "zbthumbnail.info",
+    "zone.identifier",
+];
+
+/// Endings of files that lie beside photos: uploads under way; sidecars and catalogues of photo
+/// programs; what cameras write beside photos; movies and sounds.
+const ENDINGS: [&str; 76] = [
+    "~",
+    "!sync",
+    "!ut",
+    "aria2",
+    "bc!",
+    "crdownload",
+    "download",
+    "filepart",
+    "lock",
+    "opdownload",
+    "part",
+    "partial",
+    "swp",
+    "tacitpart",
+    "temp",
+    "tmp", // under way
+    "aae",
+    "acr",
+    "arp",
+    "cof",
+    "comask",
+    "cop",
+    "cos",
+    "cot",
+    "db",
+    "db-journal",
+    "db-shm",
+    "db-wal",
+    "dop",
+    "exv",
+    "ini",
+    "json",
+    "lnk",
+    "lrcat",
+    "lrprev",
+    "nksc",
+    "on1",
+    "pp3",
+    "rpp",
+    "spd",
+    "url",
+    "vrd",
+    "xmp",
+    "zone.identifier", // programs
+    "bdm",
+    "bin",
+    "cpi",
+    "ctg",
+    "dat",
+    "gis",
+    "gpx",
+    "idx",
+    "lrf",
+    "lrv",
+    "log",
+    "mrk",
+    "nav",
+    "obs",
+    "srt",
+    "thm",
+    "xml", // cameras
+    "3gp",
+    "aac",
+    "avi",
+    "insv",
+    "m2ts",
+    "m4a",
+    "m4v",
+    "mov",
+    "mp3",
+    "mp4",
+    "mpg",
+    "mts",
+    "wav",
+    "webm",
+    "wmv", // movies and sounds
+];
+
+/// Whether `name` is a file beside photos: of systems and shares, an upload under way, a companion.
 pub(crate) fn is_junk(name: &OsStr) -> bool {
-    const NAMES: [&str; 10] = [
-        "thumbs.db",
-        "ehthumbs.db",
-        "desktop.ini",
-        "@eadir",
-        "@recycle",
-        "#recycle",
-        "__macosx",
-        "$recycle.bin",
-        "system volume information",
-        "lost+found",
-    ];
-    const ENDINGS: [&str; 11] = [
-        ".part",
-        ".partial",
-        ".tmp",
-        ".temp",
-        ".crdownload",
-        ".download",
-        ".filepart",
-        ".tacitpart",
-        ".opdownload",
-        ".swp",
-        "~",
-    ];
     let lower = name.to_string_lossy().to_lowercase();
+    // Alternate streams keep their colon: `a.jpg:Zone.Identifier`.
+    let ending = lower.rsplit(['.', ':']).next().filter(|ending| ending.len() < lower.len());
     is_hidden(name)
         || lower.starts_with("~$")
+        || lower.ends_with('~')
+        || lower.ends_with("zone.identifier")
         || NAMES.contains(&lower.as_str())
-        || ENDINGS.iter().any(|ending| lower.ends_with(ending))
+        || ending.is_some_and(|ending| ENDINGS.contains(&ending))
 }
 
 #[cfg(test)]
@@ -387,7 +487,29 @@ mod tests {
         {
             assert!(is_junk(OsStr::new(junk)), "{junk}");
         }
-        assert!(!is_junk(OsStr::new("partial eclipse.jpg")));
+        for companion in [
+            "IMG_1.AAE",
+            "IMG_1.MOV",
+            "MVI_2.THM",
+            "a.jpg.json",
+            "a.xmp",
+            "a.jpg.pp3",
+            "a.NEF.dop",
+            "a.jpg:Zone.Identifier",
+            "Picasa.ini",
+            "digikam4.db",
+            "100_0001_Timestamp.MRK",
+            "a.jpg.!sync",
+            "a.jpg.aria2",
+            "Icon\r",
+            "Thumbnails",
+            "Network Trash Folder",
+        ] {
+            assert!(is_junk(OsStr::new(companion)), "{companion}");
+        }
+        for photo in ["partial eclipse.jpg", "mov", "a.mov.jpg", "json", "part", "thumbnails.jpg"] {
+            assert!(!is_junk(OsStr::new(photo)), "{photo}");
+        }
     }
 
     #[test]

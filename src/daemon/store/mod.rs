@@ -18,6 +18,7 @@ pub(super) mod error;
 pub(super) mod folders;
 pub(super) mod hints;
 pub(super) mod inbox;
+pub(super) mod late;
 pub(super) mod ledger;
 pub(super) mod limits;
 pub(super) mod names;

@@ -2,6 +2,7 @@
 //! interrupted jobs recovered.
 
 use std::fs::{File, OpenOptions};
+use std::io::Error;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -89,6 +90,12 @@ fn recovered(folders: Folders) -> Result<Folders, FolderError> {
 
 /// Makes the folder `path` if missing; returns it with links resolved.
 fn made(path: &Path) -> Result<PathBuf, FileError> {
-    std::fs::create_dir_all(path).map_err(FileError::at("make the folder", path))?;
+    let dangling = path.is_symlink() && !path.exists();
+    std::fs::create_dir_all(path).map_err(|error| {
+        let words =
+            "it is a link to a folder that is not there: make that folder, or mount its disk";
+        let error = if dangling { Error::new(error.kind(), words) } else { error };
+        FileError::at("make the folder", path)(error)
+    })?;
     path.canonicalize().map_err(FileError::at("find the folder", path))
 }

@@ -7,7 +7,7 @@
 //! therefore removed and made anew.
 
 use std::ffi::{OsStr, OsString};
-use std::io::{ErrorKind, Read};
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use super::folders::Folders;
@@ -110,16 +110,6 @@ fn is_reported(folders: &Folders, result: &OsStr, path: &Path) -> Result<bool, F
     let Some(report) = read_report(files, &folders.outbox().join(report_name(result)))? else {
         return Ok(false);
     };
-    let (mut file, mut hasher) = (files.open(path)?, crc32fast::Hasher::new());
-    let (mut piece, mut length) = (vec![0; 1 << 16], 0);
-    loop {
-        match file.read(&mut piece).map_err(FileError::at("read", path))? {
-            0 => break,
-            n => {
-                hasher.update(&piece[..n]);
-                length += n as u64;
-            }
-        }
-    }
-    Ok(report.photo_bytes == length && report.photo_crc32 == format!("{:08x}", hasher.finalize()))
+    let (crc32, length) = files.checksum(path)?;
+    Ok(report.photo_bytes == length && report.photo_crc32 == format!("{crc32:08x}"))
 }
