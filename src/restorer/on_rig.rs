@@ -193,6 +193,9 @@ impl Restorer for OnRig {
         {
             return Err(AnyFailure::from(PictureError::Refused { name: photo.name.clone(), flaw }));
         }
+        if let Some(reason) = photo.why_too_small() {
+            return Ok(Outcome::untouched(photo.light.clone(), reason));
+        }
         let prepared = self.pipeline.prepare(photo);
         let Restoration { mut outcome, .. } =
             self.pipeline.restore(&mut self.devices, &prepared, &*self.method, &mut watch)?;
