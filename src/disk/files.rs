@@ -478,6 +478,7 @@ mod tests {
         let other = files.move_to(&at.join("b.txt"), at, OsStr::new("e\u{301}.txt")).unwrap();
         assert!(composed != other && other.ends_with("e\u{301}-2.txt"), "{other:?}");
         files.move_to(&composed, at, OsStr::new("b.txt")).unwrap();
+        files.remove(&other).unwrap();
         let moved = files.move_to(&at.join("b.txt"), at, OsStr::new("A.txt")).unwrap();
         assert_eq!(moved.file_name().unwrap(), "A-2.txt");
         assert_eq!(std::fs::read(at.join("a.txt")).unwrap(), b"first");

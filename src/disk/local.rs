@@ -320,6 +320,20 @@ mod tests {
     }
 
     #[test]
+    fn a_mount_that_vanished_is_no_empty_folder() {
+        let root = tempfile::tempdir().unwrap();
+        let path = root.path().canonicalize().unwrap();
+        let on =
+            |is_mount| LocalDisk { anchors: vec![AnchorFolder { path: path.clone(), is_mount }] };
+        assert!(on(false).list(&path).is_ok());
+        let error = on(true).list(&path).unwrap_err();
+        assert_eq!(error.kind(), io::ErrorKind::NotFound);
+        assert!(error.to_string().contains("is not mounted"), "{error}");
+        assert!(!LocalDisk::new(vec![path]).anchors[0].is_mount);
+        assert!(LocalDisk::new(vec!["/proc".into()]).anchors[0].is_mount);
+    }
+
+    #[test]
     fn renaming_by_steps_overwrites_nothing() {
         let root = tempfile::tempdir().unwrap();
         let root = root.path().canonicalize().unwrap();

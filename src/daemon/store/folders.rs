@@ -11,7 +11,7 @@ use crate::disk::Files;
 pub(super) const NAMES: [&str; 5] = ["inbox", "working", "outbox", "done", "failed"];
 
 /// `inbox`, `working`, `outbox`, `done` and `failed` under one root. Each may be a link to a folder
-/// elsewhere on the same disk; links inside them are not followed.
+/// elsewhere; links inside them are not followed.
 #[derive(Clone)]
 pub struct Folders {
     files: Files,

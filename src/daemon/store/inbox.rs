@@ -360,108 +360,19 @@ pub(crate) fn is_hidden(name: &OsStr) -> bool {
 const KINDS: &str = "sidecars, movies, sounds, thumbnails, catalogues, files still being sent";
 
 /// Names of files and folders of systems, shares and photo programs.
-const NAMES: [&str; 19] = [
-    "$recycle.bin",
-    "#recycle",
-    "@eadir",
-    "@recycle",
-    "@tmp",
-    "__macosx",
-    "desktop.ini",
-    "ehthumbs.db",
-    "icon\r",
-    "ipod photo cache",
-    "lost+found",
-    "network trash folder",
-    "picasa.ini",
-    "system volume information",
-    "temporary items",
-    "thumbnails",
-    "thumbs.db",
-    "zbthumbnail.info",
-    "zone.identifier",
-];
+const NAMES: &str = "$recycle.bin/#recycle/@eadir/@recycle/@tmp/__macosx/desktop.ini/ehthumbs.db/\
+    icon\r/ipod photo cache/lost+found/network trash folder/picasa.ini/system volume information/\
+    temporary items/thumbnails/thumbs.db/zbthumbnail.info";
 
 /// Endings of files that lie beside photos: uploads under way; sidecars and catalogues of photo
 /// programs; what cameras write beside photos; movies and sounds.
-const ENDINGS: [&str; 76] = [
-    "~",
-    "!sync",
-    "!ut",
-    "aria2",
-    "bc!",
-    "crdownload",
-    "download",
-    "filepart",
-    "lock",
-    "opdownload",
-    "part",
-    "partial",
-    "swp",
-    "tacitpart",
-    "temp",
-    "tmp", // under way
-    "aae",
-    "acr",
-    "arp",
-    "cof",
-    "comask",
-    "cop",
-    "cos",
-    "cot",
-    "db",
-    "db-journal",
-    "db-shm",
-    "db-wal",
-    "dop",
-    "exv",
-    "ini",
-    "json",
-    "lnk",
-    "lrcat",
-    "lrprev",
-    "nksc",
-    "on1",
-    "pp3",
-    "rpp",
-    "spd",
-    "url",
-    "vrd",
-    "xmp",
-    "zone.identifier", // programs
-    "bdm",
-    "bin",
-    "cpi",
-    "ctg",
-    "dat",
-    "gis",
-    "gpx",
-    "idx",
-    "lrf",
-    "lrv",
-    "log",
-    "mrk",
-    "nav",
-    "obs",
-    "srt",
-    "thm",
-    "xml", // cameras
-    "3gp",
-    "aac",
-    "avi",
-    "insv",
-    "m2ts",
-    "m4a",
-    "m4v",
-    "mov",
-    "mp3",
-    "mp4",
-    "mpg",
-    "mts",
-    "wav",
-    "webm",
-    "wmv", // movies and sounds
-];
+const ENDINGS: &str = "\
+    !sync !ut aria2 bc! crdownload download filepart lock opdownload part partial swp tacitpart \
+    temp tmp \
+    aae acr arp cof comask cop cos cot db db-journal db-shm db-wal dop exv ini json lnk lrcat \
+    lrprev nksc on1 pp3 rpp spd url vrd xmp \
+    bdm bin cpi ctg dat gis gpx idx lrf lrv log mrk nav obs srt thm xml \
+    3gp aac avi insv m2ts m4a m4v mov mp3 mp4 mpg mts wav webm wmv";
 
 /// Whether `name` is a file beside photos: of systems and shares, an upload under way, a companion.
 pub(crate) fn is_junk(name: &OsStr) -> bool {
@@ -472,8 +383,8 @@ pub(crate) fn is_junk(name: &OsStr) -> bool {
         || lower.starts_with("~$")
         || lower.ends_with('~')
         || lower.ends_with("zone.identifier")
-        || NAMES.contains(&lower.as_str())
-        || ending.is_some_and(|ending| ENDINGS.contains(&ending))
+        || NAMES.split('/').any(|junk| junk == lower)
+        || ending.is_some_and(|ending| ENDINGS.split(' ').any(|junk| junk == ending))
 }
 
 #[cfg(test)]
