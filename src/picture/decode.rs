@@ -18,7 +18,8 @@ use crate::frame::{Coding, Size};
 use super::dng::{self, RawFile, Sites};
 use super::kind::{Content, Format, recognise};
 use super::metadata::{Lost, Walked};
-use super::{Flaw, Orientation, jpeg, others, png, tiff};
+use super::tone::StatedColours;
+use super::{Flaw, Orientation, exif, jpeg, others, png, tiff};
 
 /// The resources that one photo may take.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -100,12 +101,14 @@ pub(super) struct Raster {
     pub(super) noise: Option<[[f32; 2]; 3]>,
     /// A JPEG's quantised coefficients.
     pub(super) coding: Option<Coding>,
+    /// Whether the file states sRGB's colours.
+    pub(super) is_srgb: bool,
 }
 
 /// A file walked to its end, nothing decoded.
 pub(super) struct Heading {
     content: Content,
-    lost: BTreeSet<Lost>,
+    walked: Walked,
     raw: Option<RawFile>,
 }
 
@@ -119,24 +122,27 @@ pub(super) fn walk(bytes: &[u8], limits: &Limits) -> Result<Heading, Flaw> {
     }
     let content = recognise(bytes)?;
     let mut raw = None;
-    let Walked { size, lost } = match content {
+    let walked = match content {
         Content::Written(Format::Jpeg) => jpeg::walk(bytes)?,
         Content::Written(Format::Png) => png::walk(bytes)?,
         Content::Written(Format::Tiff) => {
             raw = dng::find(bytes)?;
             match &raw {
                 Some(raw) => raw.walked(),
-                None => tiff::walk(bytes)?,
+                None => {
+                    let (walked, file) = (tiff::walk(bytes)?, tiff::File::new(bytes));
+                    Walked { exif: exif::of_tiff(&file, &[file.u32(4)? as usize]), ..walked }
+                }
             }
         }
         // Their size is checked by the decoder's header, before anything is allocated.
         Content::Bmp | Content::Gif | Content::Pnm | Content::Webp => others::walk(bytes, content)?,
     };
-    match size {
+    match walked.size {
         Some(size) if size.width as u64 * size.height as u64 > limits.pixels_max => {
             Err(Flaw::Oversized { found: size, allowed: limits.pixels_max })
         }
-        _ => Ok(Heading { content, lost, raw }),
+        _ => Ok(Heading { content, walked, raw }),
     }
 }
 
@@ -146,7 +152,8 @@ pub(super) fn walk(bytes: &[u8], limits: &Limits) -> Result<Heading, Flaw> {
 /// The [`Flaw`] of the file; nothing large is allocated before the header's size is found within
 /// `limits`.
 pub(super) fn decode(bytes: &[u8], limits: &Limits) -> Result<Raster, Flaw> {
-    let Heading { content, lost, raw } = walk(bytes, limits)?;
+    let Heading { content, walked, raw } = walk(bytes, limits)?;
+    let Walked { lost, colours, exif, .. } = walked;
     if let Some(raw) = raw {
         return Ok(Raster {
             content,
@@ -157,13 +164,14 @@ pub(super) fn decode(bytes: &[u8], limits: &Limits) -> Result<Raster, Flaw> {
             orientation: Orientation::from_exif(raw.orientation)
                 .unwrap_or(Orientation::NoTransforms),
             icc: None,
-            exif: None,
+            exif,
             lost,
             camera: raw.camera,
             sites: Some(raw.sites),
             colours: raw.colours,
             noise: raw.noise,
             coding: None,
+            is_srgb: false,
         });
     }
     // Decoders may panic on hostile files, by their own notes.
@@ -191,7 +199,25 @@ pub(super) fn decode(bytes: &[u8], limits: &Limits) -> Result<Raster, Flaw> {
     let mut raster =
         decoded.unwrap_or_else(|_| Err(Flaw::BrokeTheDecoder { kind: content.name() }))?;
     raster.lost.extend(lost);
+    raster.exif = raster.exif.or(exif);
+    raster.state(colours);
     Ok(raster)
+}
+
+impl Raster {
+    /// Sets the profile of `colours`, which the file states elsewhere than in a profile. Numbers
+    /// count more than a profile, all else less (PNG specification, third edition, §4.3).
+    fn state(&mut self, colours: Option<StatedColours>) {
+        let is_coded = matches!(colours, Some(StatedColours::Coded(_)));
+        if self.icc.is_some() && !is_coded {
+            return;
+        }
+        let is_adobe = || self.exif.as_deref().is_some_and(exif::is_adobe_rgb);
+        let colours = colours.or_else(|| is_adobe().then_some(StatedColours::ADOBE));
+        let Some(colours) = colours else { return };
+        self.is_srgb = matches!(colours, StatedColours::Srgb);
+        self.icc = colours.profile(self.layout.is_grey());
+    }
 }
 
 fn decoder_limits(limits: &Limits) -> image::Limits {
@@ -247,12 +273,13 @@ fn collect<D: ImageDecoder>(
         orientation,
         icc,
         exif,
-        lost: has_xmp.then_some(Lost::Xmp).into_iter().collect(),
+        lost: has_xmp.then_some(Lost::XMP).into_iter().collect(),
         camera: None,
         sites: None,
         colours: None,
         noise: None,
         coding: None,
+        is_srgb: false,
     })
 }
 

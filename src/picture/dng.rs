@@ -6,10 +6,13 @@ mod camera;
 mod colours;
 mod write;
 
+use std::collections::BTreeSet;
+
 use super::Flaw;
+use super::exif;
 use super::metadata::{Lost, Walked};
 use super::tiff::{
-    BITS_PER_SAMPLE, COMPRESSION, Directory, EXIF_DIRECTORY, File, IMAGE_LENGTH, IMAGE_WIDTH,
+    BITS_PER_SAMPLE, COMPRESSION, Directory, File, IMAGE_LENGTH, IMAGE_WIDTH, IPTC,
     NEW_SUBFILE_TYPE, PHOTOMETRIC, ROWS_PER_STRIP, SAMPLE_FORMAT, STRIP_BYTE_COUNTS, STRIP_OFFSETS,
     SUB_DIRECTORIES,
 };
@@ -21,6 +24,7 @@ pub use colours::CameraColours;
 pub use write::Dng;
 
 const FILL_ORDER: u16 = 266;
+const XMP: u16 = 700;
 const DESCRIPTION: u16 = 270;
 const MAKE: u16 = 271;
 const MODEL: u16 = 272;
@@ -40,6 +44,7 @@ const WHITE_LEVEL: u16 = 50717;
 const COLOUR_MATRICES: [u16; 2] = [50721, 50722];
 const AS_SHOT_NEUTRAL: u16 = 50728;
 const SERIAL: u16 = 50735;
+const PRIVATE: u16 = 50740;
 const CALIBRATION_ILLUMINANTS: [u16; 2] = [50778, 50779];
 const ACTIVE_AREA: u16 = 50829;
 const NOISE_PROFILE: u16 = 51041;
@@ -87,8 +92,9 @@ pub(super) struct RawFile {
     pub(super) sites: Sites,
     /// EXIF's number.
     pub(super) orientation: u8,
-    /// Whether the file holds an EXIF directory.
-    has_exif: bool,
+    /// What describes the photo, as an EXIF block.
+    exif: Option<Vec<u8>>,
+    lost: BTreeSet<Lost>,
     /// The camera, as far as stated.
     pub(super) camera: Option<PhotoCamera>,
     /// Its colours, unless sRGB's.
@@ -160,19 +166,24 @@ pub(super) fn find(bytes: &[u8]) -> Result<Option<RawFile>, Flaw> {
     };
     let raw = directory.raw_file()?;
     let turned = all[0].number(ORIENTATION)?.or(directory.number(ORIENTATION)?);
-    let has_exif = all.iter().any(|d| d.find(EXIF_DIRECTORY).is_some());
+    let places: Vec<usize> = [all[0].at, directory.at].into_iter().collect();
+    let exif = exif::of_tiff(&file, &places);
+    let table = [(XMP, Lost::XMP), (IPTC, Lost::IPTC), (PRIVATE, Lost::MAKER_NOTES)];
+    let held = |tag: &u16| all.iter().any(|d| d.find(*tag).is_some());
+    let mut lost: BTreeSet<Lost> =
+        table.into_iter().filter(|(tag, _)| held(tag)).map(|(_, lost)| lost).collect();
+    lost.extend(all.iter().any(Directory::has_maker_notes).then_some(Lost::MAKER_NOTES));
     let orientation = turned.and_then(|o| u8::try_from(o).ok()).unwrap_or(1);
     let (camera, colours) = (all[0].camera(), all[0].colours().or_else(|| directory.colours()));
     let noise = directory.noise().or_else(|| all[0].noise());
-    Ok(Some(RawFile { orientation, has_exif, camera, colours, noise, ..raw }))
+    Ok(Some(RawFile { orientation, exif, lost, camera, colours, noise, ..raw }))
 }
 
 impl RawFile {
     /// The walk over the file; its size is that of all sites, masked ones included.
     pub(super) fn walked(&self) -> Walked {
-        let mut walked = Walked { size: Some(self.blocks.size()), ..Walked::default() };
-        walked.lose(Lost::Exif, self.has_exif);
-        walked
+        let (size, exif, lost) = (Some(self.blocks.size()), self.exif.clone(), self.lost.clone());
+        Walked { size, exif, lost, colours: None }
     }
 
     /// Its counts, row by row, in the `bytes` of its file.
@@ -246,7 +257,8 @@ impl Directory<'_> {
             blocks,
             active,
             orientation: 1,
-            has_exif: false,
+            exif: None,
+            lost: BTreeSet::new(),
             camera,
             colours,
             noise,

@@ -135,7 +135,12 @@ fn encoded(
             write(JpegEncoder::new_with_quality(out, quality), manner, &raw, size, colour)?;
         }
         Format::Png => write(PngEncoder::new(out), manner, &raw, size, colour)?,
-        Format::Tiff => write(TiffEncoder::new(out), manner, &raw, size, colour)?,
+        Format::Tiff => {
+            write(TiffEncoder::new(out), manner, &raw, size, colour)?;
+            if let Some(exif) = &manner.exif {
+                bytes = exif::into_tiff(bytes, &exif::of_result(exif, size));
+            }
+        }
     }
     Ok(bytes)
 }
@@ -166,7 +171,7 @@ fn write<E: ImageEncoder>(
         encoder.set_icc_profile(icc.clone()).map_err(image::ImageError::Unsupported)?;
     }
     if let Some(exif) = &manner.exif {
-        // TIFF cannot hold it, which the report notes.
+        // The encoder of TIFF takes none.
         let _ = encoder.set_exif_metadata(exif::of_result(exif, size));
     }
     encoder.write_image(raw, size.width as u32, size.height as u32, colour)

@@ -1,10 +1,167 @@
-//! Updates the EXIF block of a result: its picture sizes, and no thumbnail (EXIF 2.3, §4.5, §4.6).
+//! The EXIF block of a result: with its picture sizes and without a thumbnail (EXIF 2.3, §4.5,
+//! §4.6); made of a TIFF's fields, or put into a TIFF.
+
+use std::collections::BTreeMap;
 
 use super::Flaw;
-use super::tiff::{Directory, EXIF_DIRECTORY, File, IMAGE_LENGTH, IMAGE_WIDTH};
+use super::tiff::{
+    Directory, EXIF_DIRECTORY, File, GPS_DIRECTORY, IMAGE_LENGTH, IMAGE_WIDTH, MAKER_NOTE,
+};
 use crate::frame::Size;
 
 const INTEROPERABILITY: u16 = 0xa005;
+const INTEROPERABILITY_INDEX: u16 = 1;
+const COLOUR_SPACE: u16 = 0xa001;
+
+/// Fields of a first directory that describe the photo (TIFF 6.0): description, maker, model,
+/// program, date, artist, copyright.
+const DESCRIPTIVE: [u16; 7] = [270, 271, 272, 305, 306, 315, 33432];
+/// Fields of EXIF that TIFF/EP keeps in the first directory: exposure time, aperture, sensitivity,
+/// date, focal length.
+const EXPOSURE: [u16; 5] = [33434, 33437, 34855, 36867, 37386];
+/// Longest block that a JPEG's segment holds beside its name, with some to spare.
+const BLOCK_BYTES_MAX: usize = 65_000;
+
+/// A field: its type, number of values, and bytes in little-endian order.
+#[derive(Debug, Clone)]
+struct Field {
+    kind: u16,
+    count: usize,
+    bytes: Vec<u8>,
+}
+
+/// The fields of a directory by their tags.
+type Fields = BTreeMap<u16, Field>;
+
+impl Field {
+    /// The field of the entry at `entry`; `None` for one that is cut or of an unknown type.
+    fn read(file: &File<'_>, entry: usize) -> Option<Field> {
+        let kind = file.u16(entry + 2).ok()?;
+        // Bytes of a value, and of the numbers that it is made of.
+        let (width, number) = match kind {
+            1 | 2 | 6 | 7 => (1, 1),
+            3 | 8 => (2, 2),
+            4 | 9 | 11 | 13 => (4, 4),
+            5 | 10 => (8, 4),
+            12 => (8, 8),
+            _ => return None,
+        };
+        let (count, at) = file.place(entry, width).ok()?;
+        let end = count.checked_mul(width)?.checked_add(at)?;
+        let mut bytes = file.bytes.get(at..end)?.to_vec();
+        if file.big_endian {
+            bytes.chunks_exact_mut(number).for_each(<[u8]>::reverse);
+        }
+        Some(Field { kind, count, bytes })
+    }
+
+    /// The place of a directory.
+    fn pointer(to: u32) -> Field {
+        Field { kind: 4, count: 1, bytes: to.to_le_bytes().to_vec() }
+    }
+}
+
+/// The fields of the directory at `at` that are `wanted`.
+fn fields(file: &File<'_>, at: usize, wanted: impl Fn(u16) -> bool) -> Fields {
+    let entries = Directory::read(file, at).map(|directory| directory.entries).unwrap_or_default();
+    // The first of two counts.
+    let each = entries.into_iter().rev().filter(|(tag, _)| wanted(*tag));
+    each.filter_map(|(tag, entry)| Some((tag, Field::read(file, entry)?))).collect()
+}
+
+/// Appends a directory of `fields` to the little-endian file `out`; returns its place.
+fn append(out: &mut Vec<u8>, fields: &Fields) -> u32 {
+    out.resize(out.len().next_multiple_of(2), 0);
+    let at = out.len();
+    let mut beyond = at + 2 + 12 * fields.len() + 4;
+    let mut long = Vec::new();
+    out.extend((fields.len() as u16).to_le_bytes());
+    for (tag, Field { kind, count, bytes }) in fields {
+        out.extend([tag.to_le_bytes(), kind.to_le_bytes()].concat());
+        out.extend((*count as u32).to_le_bytes());
+        if bytes.len() <= 4 {
+            out.extend(bytes.iter().copied().chain([0; 4]).take(4));
+        } else {
+            out.extend((beyond as u32).to_le_bytes());
+            long.extend_from_slice(bytes);
+            long.resize(long.len().next_multiple_of(2), 0);
+            beyond = at + 2 + 12 * fields.len() + 4 + long.len();
+        }
+    }
+    out.extend([0; 4]);
+    out.extend(long);
+    at as u32
+}
+
+/// Adds to `main` what describes the photo in the first directories `from` of `file`, and appends
+/// their EXIF and GPS to `out`. Maker's notes are not carried: they hold places in the file.
+fn describe(file: &File<'_>, from: &[usize], main: &mut Fields, out: &mut Vec<u8>) {
+    let (mut exif, mut gps) = (Fields::new(), Fields::new());
+    let below = |directory: usize, tag: u16| {
+        Directory::read(file, directory).ok()?.number(tag).ok().flatten()
+    };
+    for &at in from.iter().rev() {
+        main.extend(fields(file, at, |tag| DESCRIPTIVE.contains(&tag)));
+        exif.extend(fields(file, at, |tag| EXPOSURE.contains(&tag)));
+        if let Some(at) = below(at, EXIF_DIRECTORY) {
+            exif.extend(fields(file, at, |tag| ![INTEROPERABILITY, MAKER_NOTE].contains(&tag)));
+        }
+        if let Some(at) = below(at, GPS_DIRECTORY) {
+            gps.extend(fields(file, at, |_| true));
+        }
+    }
+    for (tag, fields) in [(EXIF_DIRECTORY, exif), (GPS_DIRECTORY, gps)] {
+        if !fields.is_empty() {
+            let at = append(out, &fields);
+            main.insert(tag, Field::pointer(at));
+        }
+    }
+}
+
+/// Sets the place of the first directory of the little-endian file `out`.
+fn begin_at(out: &mut [u8], at: u32) {
+    out[4..8].copy_from_slice(&at.to_le_bytes());
+}
+
+/// The EXIF block of a TIFF or raw photo by its first directories, at `from` in `file`; `None`
+/// where nothing describes the photo.
+pub(super) fn of_tiff(file: &File<'_>, from: &[usize]) -> Option<Vec<u8>> {
+    let (mut out, mut main) = (b"II*\0\0\0\0\0".to_vec(), Fields::new());
+    describe(file, from, &mut main, &mut out);
+    let at = append(&mut out, &main);
+    begin_at(&mut out, at);
+    (!main.is_empty() && out.len() <= BLOCK_BYTES_MAX).then_some(out)
+}
+
+/// The little-endian TIFF `bytes` of a result, with the photo's `exif`. The first directory is
+/// written anew, and the places in it stay.
+pub(super) fn into_tiff(mut bytes: Vec<u8>, exif: &[u8]) -> Vec<u8> {
+    let (result, photo) = (File::new(&bytes), File::new(exif));
+    let (Ok(first), Ok(described)) = (result.u32(4), photo.u32(4)) else { return bytes };
+    if result.big_endian {
+        return bytes;
+    }
+    let mut main = fields(&result, first as usize, |_| true);
+    describe(&photo, &[described as usize], &mut main, &mut bytes);
+    let at = append(&mut bytes, &main);
+    begin_at(&mut bytes, at);
+    bytes
+}
+
+/// Whether the block `exif` states Adobe RGB (DCF 2.0, §4.6; EXIF 2.3, §4.6.5).
+pub(super) fn is_adobe_rgb(exif: &[u8]) -> bool {
+    let file = File::new(exif);
+    let read = |at: usize| Directory::read(&file, at).ok();
+    let number = |at: usize, tag: u16| read(at)?.number(tag).ok().flatten();
+    let exif = file.u32(4).ok().and_then(|at| number(at as usize, EXIF_DIRECTORY));
+    let Some(exif) = exif else { return false };
+    let index = number(exif, INTEROPERABILITY)
+        .and_then(|at| read(at)?.text(INTEROPERABILITY_INDEX).ok().flatten());
+    match number(exif, COLOUR_SPACE) {
+        Some(space) => space == 2 || space == 0xffff && index.as_deref() == Some("R03"),
+        None => false,
+    }
+}
 
 /// The directories in a chain: width, height, and the tag of the next one.
 const DIRECTORIES: [[u16; 3]; 3] = [
@@ -93,6 +250,57 @@ mod tests {
         entry(&mut all, 0x0201, 4, long(0));
         all.extend(long(0));
         all
+    }
+
+    #[test]
+    fn a_tiff_s_fields_go_into_a_block_and_back_into_a_tiff() {
+        for big in [false, true] {
+            let mut photo = block(big);
+            photo[10..12].copy_from_slice(&if big {
+                271u16.to_be_bytes()
+            } else {
+                271u16.to_le_bytes()
+            });
+            let file = File::new(&photo);
+            let made = of_tiff(&file, &[8]).unwrap();
+            let empty = Fields::from([(IMAGE_WIDTH, Field::pointer(7))]);
+            let mut plain = b"II*\0\0\0\0\0".to_vec();
+            let at = append(&mut plain, &empty);
+            begin_at(&mut plain, at);
+            let result = into_tiff(plain, &made);
+            let file = File::new(&result);
+            let first = Directory::read(&file, file.u32(4).unwrap() as usize).unwrap();
+            assert_eq!(first.number(IMAGE_WIDTH).unwrap(), Some(7), "the result's own");
+            assert_eq!(first.number(271).unwrap(), Some(4000));
+            let below = first.number(EXIF_DIRECTORY).unwrap().unwrap();
+            let exif = Directory::read(&file, below).unwrap();
+            assert_eq!(exif.number(0xa003).unwrap(), Some(3000));
+            assert!(exif.find(INTEROPERABILITY).is_none());
+            (0..made.len()).for_each(|cut| drop(of_tiff(&File::new(&made[..cut]), &[8])));
+        }
+        assert_eq!(into_tiff(b"II*\0".to_vec(), b"II"), b"II*\0");
+        let nothing = append(&mut b"II*\0\x08\0\0\0".to_vec(), &Fields::new());
+        assert!(of_tiff(&File::new(b"II*\0"), &[nothing as usize]).is_none());
+    }
+
+    #[test]
+    fn adobe_rgb_is_told_by_number_or_by_index() {
+        let with = |space: u32, index: Option<&[u8]>| {
+            let mut out = b"II*\0\0\0\0\0".to_vec();
+            let mut exif = Fields::from([(COLOUR_SPACE, Field::pointer(space))]);
+            if let Some(index) = index {
+                let text = Field { kind: 2, count: index.len(), bytes: index.to_vec() };
+                let at = append(&mut out, &Fields::from([(INTEROPERABILITY_INDEX, text)]));
+                exif.insert(INTEROPERABILITY, Field::pointer(at));
+            }
+            let at = append(&mut out, &exif);
+            let at = append(&mut out, &Fields::from([(EXIF_DIRECTORY, Field::pointer(at))]));
+            begin_at(&mut out, at);
+            is_adobe_rgb(&out)
+        };
+        assert!(with(2, None) && with(0xffff, Some(b"R03\0")));
+        assert!(!with(1, None) && !with(0xffff, None) && !with(1, Some(b"R98\0")));
+        assert!(!is_adobe_rgb(b"II*"));
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use super::Flaw;
 use super::kind::Content;
-use super::metadata::{HOLE_BYTES, Lost, Walked};
+use super::metadata::{HOLE_BYTES, Lost, PartTable, Walked};
 
 /// Pixels a metre that programs write into a BMP by default: none, 72 and 96 an inch.
 const USUAL_DENSITIES: [u32; 3] = [0, 2835, 3780];
@@ -34,16 +34,28 @@ pub(super) fn walk(bytes: &[u8], content: Content) -> Result<Walked, Flaw> {
     let mut walked = Walked::default();
     match content {
         Content::Gif => {
-            let GifBlocks { pictures, has_comment } = gif.unwrap_or_default();
-            walked.lose(Lost::Pictures, pictures > 1);
-            walked.lose(Lost::Texts, has_comment);
+            let GifBlocks { pictures, extensions } = gif.unwrap_or_default();
+            walked.lose(Lost::PICTURES, pictures > 1);
+            for name in extensions {
+                walked.look_up(&GIF_EXTENSIONS, "the GIF's data", name);
+            }
         }
-        Content::Webp => walked.lose(Lost::Pictures, webp_pictures(bytes) > 1),
+        Content::Webp => {
+            let names = webp_chunks(bytes);
+            for name in &names {
+                walked.look_up(&WEBP_CHUNKS, "the WebP's data", name);
+            }
+            walked.lose(Lost::PICTURES, names.iter().filter(|name| **name == *b"ANMF").count() > 1);
+        }
         Content::Pnm => {}
         _ => {
             let density = word(bytes, 38);
             let is_unusual = density.is_some_and(|density| !USUAL_DENSITIES.contains(&density));
-            walked.lose(Lost::Density, is_unusual);
+            walked.lose(Lost::DENSITY, is_unusual);
+            // bV5CSType: an embedded or linked profile.
+            let has_profile = word(bytes, 14).is_some_and(|header| header >= 124)
+                && matches!(bytes.get(70..74), Some(b"DEBM" | b"KNIL"));
+            walked.lose(Lost::PROFILE, has_profile);
         }
     }
     Ok(walked)
@@ -104,14 +116,32 @@ fn pnm_end(bytes: &[u8]) -> usize {
     width.saturating_mul(height).saturating_mul(each).saturating_add(at + 1)
 }
 
+/// Extensions of a GIF by their label and the application's name, and what is lost with them.
+const GIF_EXTENSIONS: PartTable = PartTable {
+    used: &[b"\xf9", b"\xffNETSCAPE2.0", b"\xffANIMEXTS1.0"],
+    lost: &[
+        (b"\x01", Lost::TEXTS),
+        (b"\xfe", Lost::TEXTS),
+        (b"\xffXMP DataXMP", Lost::XMP),
+        (b"\xffICCRGBG1012", Lost::PROFILE),
+    ],
+};
+
+/// Chunks of a WebP, and what is lost with them.
+const WEBP_CHUNKS: PartTable = PartTable {
+    used: &[b"VP8", b"ALPH", b"ANIM", b"ANMF", b"ICCP", b"EXIF"],
+    lost: &[(b"XMP ", Lost::XMP)],
+};
+
 #[derive(Debug, Default, PartialEq)]
-struct GifBlocks {
+struct GifBlocks<'a> {
     pictures: usize,
-    has_comment: bool,
+    /// Label and first block of each.
+    extensions: Vec<&'a [u8]>,
 }
 
 /// The blocks of a GIF to its trailer; `None` where they are cut (GIF89a, §17 to §26).
-fn gif_blocks(bytes: &[u8]) -> Option<GifBlocks> {
+fn gif_blocks(bytes: &[u8]) -> Option<GifBlocks<'_>> {
     // Bytes of the colour table that `flags` state.
     let table = |flags: u8| if flags & 0x80 == 0 { 0 } else { 3usize << ((flags & 7) + 1) };
     let mut at = 13 + table(*bytes.get(10)?);
@@ -119,8 +149,8 @@ fn gif_blocks(bytes: &[u8]) -> Option<GifBlocks> {
     loop {
         match bytes.get(at)? {
             b'!' => {
-                found.has_comment |= *bytes.get(at + 1)? == 0xfe;
                 at += 2;
+                found.extensions.push(bytes.get(at - 1..(at + 12).min(bytes.len()))?);
             }
             b',' => {
                 found.pictures += 1;
@@ -140,17 +170,19 @@ fn gif_blocks(bytes: &[u8]) -> Option<GifBlocks> {
     }
 }
 
-/// The number of frames of an animated WebP, 0 for a still one (RFC 9649, §2.7.1).
-fn webp_pictures(bytes: &[u8]) -> usize {
-    let (mut at, mut pictures) = (12usize, 0);
+/// The names of a WebP's chunks (RFC 9649, §2.3).
+fn webp_chunks(bytes: &[u8]) -> Vec<[u8; 4]> {
+    let (mut at, mut names) = (12usize, Vec::new());
+    let end = word(bytes, 4).map_or(0, |length| length as usize).saturating_add(8);
+    let bytes = &bytes[..bytes.len().min(end)];
     while let (Some(name), Some(length)) = (bytes.get(at..at + 4), word(bytes, at + 4)) {
-        pictures += usize::from(name == b"ANMF");
+        names.extend(<[u8; 4]>::try_from(name));
         at = at.saturating_add(8).saturating_add((length as usize).next_multiple_of(2));
         if at > bytes.len() {
             break;
         }
     }
-    pictures
+    names
 }
 
 #[cfg(test)]
@@ -189,9 +221,9 @@ mod tests {
         gif.extend(b"!\xfe\x02hi\0");
         (0..2).for_each(|_| gif.extend(b",\0\0\0\0\x01\0\x01\0\0\x02\x02\x4c\x01\0"));
         gif.push(b';');
-        assert_eq!(gif_blocks(&gif), Some(GifBlocks { pictures: 2, has_comment: true }));
+        assert_eq!(gif_blocks(&gif).map(|found| found.pictures), Some(2));
         let lost = walk(&gif, Content::Gif).unwrap().lost;
-        assert!(lost.into_iter().eq([Lost::Pictures, Lost::Texts]));
+        assert!(lost.into_iter().eq([Lost::TEXTS, Lost::PICTURES]));
         (0..gif.len()).for_each(|cut| {
             let _ = gif_blocks(&gif[..cut]);
         });
@@ -200,8 +232,18 @@ mod tests {
             let padded = if data.len() % 2 == 1 { &b"\0"[..] } else { b"" };
             [&name[..], &(data.len() as u32).to_le_bytes(), data, padded].concat()
         };
-        let webp = [b"RIFF\0\0\0\0WEBP".to_vec(), chunk(b"ANMF", b"abc"), chunk(b"ANMF", b"")];
-        assert_eq!(webp_pictures(&webp.concat()), 2);
-        assert_eq!(webp_pictures(&webp[..2].concat()), 1);
+        let webp = |chunks: &[Vec<u8>]| {
+            let body = chunks.concat();
+            let head = [b"RIFF", &(body.len() as u32 + 4).to_le_bytes()[..], b"WEBP"].concat();
+            walk(&[head, body].concat(), Content::Webp)
+                .unwrap()
+                .lost
+                .into_iter()
+                .collect::<Vec<_>>()
+        };
+        let frame = || chunk(b"ANMF", b"abc");
+        assert_eq!(webp(&[frame(), chunk(b"EXIF", b"")]), []);
+        assert_eq!(webp(&[frame(), frame()]), [Lost::PICTURES]);
+        assert!(webp(&[chunk(b"Zoom", b"")]).remove(0).note().contains("Zoom"));
     }
 }

@@ -180,7 +180,13 @@ impl Photo {
             coding: None,
             camera: raster.camera,
             channels: Channels::Colour,
-            manner: Manner { orientation: raster.orientation, icc, colours, ..plain },
+            manner: Manner {
+                orientation: raster.orientation,
+                icc,
+                exif: raster.exif,
+                colours,
+                ..plain
+            },
             stored: raster.size,
             file,
             losses: raster.lost.into_iter().map(Lost::note).collect(),
@@ -333,9 +339,6 @@ impl Photo {
         if self.file.format.is_none() && self.raw.is_none() {
             notes.push(format!("a photo of this kind comes back as {}", format.name()));
         }
-        if self.manner.exif.is_some() && format == Format::Tiff {
-            notes.push(Lost::Exif.note());
-        }
         if self.manner.alpha.is_some() && format == Format::Jpeg {
             notes.push("not in the result: transparency, which a JPEG cannot hold".to_owned());
         }
@@ -352,6 +355,8 @@ impl Photo {
 impl Raster {
     /// The curve of the ICC profile, or else `curve`, with a note on a profile that is not used.
     fn tone(&self, curve: Curve, notes: &mut Vec<String>) -> Tone {
+        // A file that states sRGB's curve has it on a linear rig, too.
+        let curve = if self.is_srgb { Curve::Srgb } else { curve };
         let tone = Tone::of_curve(curve, self.bits);
         let Some(icc) = &self.icc else { return tone };
         Tone::of_profile(icc, self.bits, self.layout.is_grey()).unwrap_or_else(|why| {

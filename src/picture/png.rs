@@ -1,10 +1,26 @@
 //! Walks a PNG's chunks to IEND, checking each CRC (PNG specification, third edition, §5).
 
 use super::Flaw;
-use super::metadata::{Lost, Walked};
+use super::metadata::{Lost, PartTable, Walked};
+use super::tone::StatedColours;
 use crate::frame::Size;
 
 const SIGNATURE: &[u8] = b"\x89PNG\r\n\x1a\n";
+
+/// Chunks by their names, and what is lost with them. Texts are looked into.
+const CHUNKS: PartTable = PartTable {
+    used: &[
+        b"IHDR", b"PLTE", b"IDAT", b"tRNS", b"iCCP", b"sRGB", b"gAMA", b"cHRM", b"cICP", b"eXIf",
+        b"sBIT", b"hIST", b"fcTL", b"fdAT", b"tEXt", b"zTXt", b"iTXt",
+    ],
+    lost: &[
+        (b"pHYs", Lost::DENSITY),
+        (b"acTL", Lost::PICTURES),
+        (b"tIME", Lost::of("the time of the file's last change")),
+        (b"bKGD", Lost::of("the background colour")),
+        (b"caBX", Lost::CREDENTIALS),
+    ],
+};
 
 /// A chunk with a valid CRC.
 struct Chunk<'a> {
@@ -27,25 +43,75 @@ pub(super) fn walk(bytes: &[u8]) -> Result<Walked, Flaw> {
         ));
     }
     let mut at = SIGNATURE.len();
-    let mut walked = Walked::default();
+    let (mut walked, mut colours) = (Walked::default(), PngColours::default());
     loop {
         let Chunk { name, body } = chunk(bytes, &mut at)?;
+        let numbers = || body.chunks_exact(4).map(|b| u32::from_be_bytes([b[0], b[1], b[2], b[3]]));
+        if name != b"IEND" {
+            walked.look_up(&CHUNKS, "the PNG's data", name);
+        }
         match name {
             b"IHDR" => walked.size = header(body),
+            b"sRGB" => colours.is_srgb = true,
+            b"gAMA" => colours.gamma = numbers().next().filter(|&g| g > 0),
+            b"cHRM" => colours.xy = numbers().collect::<Vec<_>>().try_into().ok(),
+            b"cICP" => colours.coded = body.try_into().ok(),
             b"IEND" => break,
             b"tEXt" | b"zTXt" | b"iTXt" => {
                 // As ImageMagick and exiftool write it; the decoder reports XMP.
                 let is_iptc = body.starts_with(b"Raw profile type iptc\0");
-                walked.lose(Lost::Iptc, is_iptc);
-                walked.lose(Lost::Texts, !is_iptc && !body.starts_with(b"XML:com.adobe.xmp"));
+                walked.lose(Lost::IPTC, is_iptc);
+                walked.lose(Lost::TEXTS, !is_iptc && !body.starts_with(b"XML:com.adobe.xmp"));
             }
-            b"pHYs" => walked.lose(Lost::Density, true),
             _ => {}
         }
     }
+    walked.colours = colours.stated()?;
     match walked.size {
         Some(size) if size.area() > 0 => Ok(walked),
         _ => Err(damaged("no header, or one of zero pixels", "a header of at least 1×1")),
+    }
+}
+
+/// Colours in chunks of their own (PNG specification, third edition, §11.3.2).
+#[derive(Default)]
+struct PngColours {
+    is_srgb: bool,
+    /// Of codes as a power of light, in 100,000.
+    gamma: Option<u32>,
+    /// White, red, green, blue; x and y of each in 100,000.
+    xy: Option<[u32; 8]>,
+    /// Numbers of ITU-T H.273: primaries, transfer, matrix, whether the range is full.
+    coded: Option<[u8; 4]>,
+}
+
+impl PngColours {
+    /// The colours by the chunk that counts most.
+    fn stated(self) -> Result<Option<StatedColours>, Flaw> {
+        let xy = self.xy.map(|xy| xy.map(|v| f64::from(v) / 1e5));
+        // What sRGB's own files state. Libpng takes gammas within 5 % for the same.
+        let near = |v: f64, of: f64| (v / of - 1.0).abs() < 0.05;
+        let gamma = self.gamma.map(|g| 1e5 / f64::from(g)).filter(|&g| !near(g, 2.2));
+        let srgb = [0.3127, 0.329, 0.64, 0.33, 0.3, 0.6, 0.15, 0.06];
+        let xy = xy.filter(|xy| xy.iter().zip(srgb).any(|(v, of)| (v - of).abs() > 0.001));
+        match self {
+            PngColours { coded: Some([primaries, transfer, matrix, full]), .. } => {
+                let known = (matrix == 0 && full == 1)
+                    .then(|| StatedColours::coded(primaries, transfer))
+                    .flatten();
+                let found = format!("colours coded as {primaries}, {transfer}, {matrix}, {full}");
+                known.map(Some).ok_or(Flaw::Unsupported {
+                    kind: "PNG",
+                    found: format!("{found} (cICP), as of pictures for bright screens"),
+                    allowed: "colours of ordinary screens; save it as sRGB in an image program",
+                })
+            }
+            PngColours { is_srgb: true, .. } => Ok(Some(StatedColours::Srgb)),
+            _ if gamma.is_some() || xy.is_some() => Ok(Some(StatedColours::Measured { gamma, xy })),
+            PngColours { gamma, xy, .. } => {
+                Ok((gamma.is_some() || xy.is_some()).then_some(StatedColours::Srgb))
+            }
+        }
     }
 }
 
@@ -107,15 +173,10 @@ mod tests {
 
     const COFFEE: &[u8] = include_bytes!("../../tests/scenes/coffee.png");
 
-    #[test]
-    fn lost_texts_and_density_are_noted() {
+    /// The header of [`COFFEE`], then chunks of these names and bodies.
+    fn with(chunks: &[(&[u8; 4], &[u8])]) -> Vec<u8> {
         let mut bytes = COFFEE[..33].to_vec();
-        for (kind, body) in [
-            (b"tEXt", &b"Artist\0Ada"[..]),
-            (b"zTXt", b"Raw profile type iptc\0\0packed"),
-            (b"pHYs", &[0; 9]),
-            (b"IEND", &[]),
-        ] {
+        for (kind, body) in chunks.iter().chain([&(b"IEND", &b""[..])]) {
             bytes.extend((body.len() as u32).to_be_bytes());
             let mut hasher = crc32fast::Hasher::new();
             for part in [&kind[..], body] {
@@ -124,8 +185,44 @@ mod tests {
             }
             bytes.extend(hasher.finalize().to_be_bytes());
         }
-        let lost = walk(&bytes).unwrap().lost;
-        assert!(lost.into_iter().eq([Lost::Texts, Lost::Iptc, Lost::Density]));
+        bytes
+    }
+
+    #[test]
+    fn lost_data_are_noted() {
+        let lost = |chunks: &[(&[u8; 4], &[u8])]| {
+            walk(&with(chunks)).unwrap().lost.into_iter().collect::<Vec<_>>()
+        };
+        let texts = lost(&[
+            (b"tEXt", b"Artist\0Ada"),
+            (b"zTXt", b"Raw profile type iptc\0\0packed"),
+            (b"pHYs", &[0; 9]),
+        ]);
+        assert_eq!(texts, [Lost::IPTC, Lost::DENSITY, Lost::TEXTS]);
+        assert_eq!(lost(&[(b"acTL", &[0; 8])]), [Lost::PICTURES]);
+        let other = lost(&[(b"smRt", b"x")]).remove(0).note();
+        assert!(other.contains("smRt"), "{other}");
+    }
+
+    #[test]
+    fn colours_are_taken_by_the_chunk_that_counts_most() {
+        let stated = |chunks: &[(&[u8; 4], &[u8])]| walk(&with(chunks)).map(|w| w.colours);
+        let gamma = |gamma: u32| gamma.to_be_bytes();
+        let is_srgb = |chunks: &[(&[u8; 4], &[u8])]| {
+            matches!(stated(chunks).unwrap(), Some(StatedColours::Srgb))
+        };
+        assert!(stated(&[]).unwrap().is_none());
+        assert!(is_srgb(&[(b"gAMA", &gamma(45_455))]));
+        assert!(is_srgb(&[(b"gAMA", &gamma(100_000)), (b"sRGB", &[0])]));
+        assert!(is_srgb(&[(b"cICP", &[1, 13, 0, 1])]));
+        let Some(StatedColours::Measured { gamma: Some(linear), xy: None }) =
+            stated(&[(b"gAMA", &gamma(100_000))]).unwrap()
+        else {
+            panic!("a gamma of 1")
+        };
+        assert!((linear - 1.0).abs() < 1e-9);
+        let bright = stated(&[(b"cICP", &[9, 16, 0, 1])]).unwrap_err().to_string();
+        assert!(bright.contains("9, 16, 0, 1") && bright.contains("save it as sRGB"), "{bright}");
     }
 
     #[test]

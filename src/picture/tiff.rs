@@ -7,6 +7,7 @@ use super::Flaw;
 use super::iptc;
 use super::kind::tiff_of_a_camera;
 use super::metadata::{HOLE_BYTES, Lost, Walked};
+use super::tone::StatedColours;
 use crate::frame::Size;
 
 pub(super) use directory::{Directory, LETTERS_MAX};
@@ -18,15 +19,11 @@ pub(super) const IMAGE_LENGTH: u16 = 257;
 pub(super) const BITS_PER_SAMPLE: u16 = 258;
 pub(super) const COMPRESSION: u16 = 259;
 pub(super) const PHOTOMETRIC: u16 = 262;
-const DOCUMENT_NAME: u16 = 269;
-const DESCRIPTION: u16 = 270;
-const MAKE: u16 = 271;
-const MODEL: u16 = 272;
+const TRANSFER_FUNCTION: u16 = 301;
+const WHITE_POINT: u16 = 318;
+const PRIMARIES: u16 = 319;
 const RESOLUTION_UNIT: u16 = 296;
-const DATE_TIME: u16 = 306;
-const ARTIST: u16 = 315;
-const COPYRIGHT: u16 = 33432;
-const IPTC: u16 = 33723;
+pub(super) const IPTC: u16 = 33723;
 const IMAGE_RESOURCES: u16 = 34377;
 pub(super) const STRIP_OFFSETS: u16 = 273;
 pub(super) const ROWS_PER_STRIP: u16 = 278;
@@ -36,8 +33,8 @@ pub(super) const TILE_BYTE_COUNTS: u16 = 325;
 pub(super) const SUB_DIRECTORIES: u16 = 330;
 pub(super) const SAMPLE_FORMAT: u16 = 339;
 pub(super) const EXIF_DIRECTORY: u16 = 34665;
-const GPS_DIRECTORY: u16 = 34853;
-const MAKER_NOTE: u16 = 37500;
+pub(super) const GPS_DIRECTORY: u16 = 34853;
+pub(super) const MAKER_NOTE: u16 = 37500;
 const PIXEL_WIDTH: u16 = 40962;
 
 /// Values of [`PHOTOMETRIC`] and of [`COMPRESSION`] that are not read (TIFF 6.0; the last three by
@@ -68,8 +65,15 @@ const MAKERS_PACKINGS: [usize; 8] = [32767, 32769, 32770, 32772, 34713, 65000, 6
 const PREVIEW_TIMES: usize = 4;
 /// Most sub-directories searched for a larger picture. Guess.
 const BELOW_MAX: usize = 32;
-/// Fields of text that no result has.
-const TEXTS: [u16; 7] = [DOCUMENT_NAME, DESCRIPTION, MAKE, MODEL, DATE_TIME, ARTIST, COPYRIGHT];
+/// Fields that are used, carried, looked into, or mean nothing beside the picture: each first one
+/// and the last one after it (TIFF 6.0; LibTIFF's tags).
+const HELD: [u16; 46] = [
+    254, 259, 262, 266, 270, 284, 286, 292, 296, 297, 301, 301, 305, 306, 315, 325, 330, 331, 338,
+    347, 512, 532, 700, 700, 33432, 33434, 33437, 33437, 33723, 33723, 34377, 34377, 34665, 34665,
+    34675, 34675, 34853, 34853, 34855, 34855, 36867, 36867, 37386, 37386, 50341, 50341,
+];
+/// Fields of text that no result has: document, page and host.
+const TEXTS: [u16; 3] = [269, 285, 316];
 
 /// Most values of a field, so that a hostile file does not keep the program busy. Guess.
 const VALUES_MAX: usize = 1 << 20;
@@ -110,14 +114,20 @@ pub(super) fn walk(bytes: &[u8]) -> Result<Walked, Flaw> {
     }
     file.strips(&offsets, &counts, directory.number(COMPRESSION)?.unwrap_or(1) == 1)?;
     let mut walked = Walked { size: Some(size), ..Walked::default() };
-    walked.lose(Lost::Pictures, directory.next().is_ok_and(|next| next != 0));
+    walked.lose(Lost::PICTURES, directory.next().is_ok_and(|next| next != 0));
     let has = |tag: &u16| directory.find(*tag).is_some();
-    walked.lose(Lost::Texts, TEXTS.iter().any(has));
-    walked.lose(Lost::Exif, has(&EXIF_DIRECTORY) || has(&GPS_DIRECTORY));
-    walked.lose(Lost::Iptc, has(&IPTC) || directory.has_iptc_resource().unwrap_or(false));
+    walked.lose(Lost::TEXTS, TEXTS.iter().any(has));
+    let is_held = |tag: &u16| HELD.chunks_exact(2).any(|of| (of[0]..=of[1]).contains(tag));
+    let unknown = directory.entries.iter().map(|(tag, _)| tag);
+    for tag in unknown.filter(|tag| !is_held(tag) && !TEXTS.contains(tag)).take(8) {
+        walked.lost.insert(Lost::unknown("the TIFF's field", tag.to_string().as_bytes()));
+    }
+    walked.lose(Lost::MAKER_NOTES, directory.has_maker_notes());
+    walked.colours = directory.stated_colours();
+    walked.lose(Lost::IPTC, has(&IPTC) || directory.has_iptc_resource().unwrap_or(false));
     // 1 is a mere ratio.
     let unit = directory.number(RESOLUTION_UNIT).ok().flatten();
-    walked.lose(Lost::Density, unit.is_some_and(|unit| unit > 1));
+    walked.lose(Lost::DENSITY, unit.is_some_and(|unit| unit > 1));
     Ok(walked)
 }
 
@@ -159,6 +169,31 @@ impl Directory<'_> {
     fn is_packed_by_maker(&self) -> bool {
         let packing = self.number(COMPRESSION).ok().flatten();
         packing.is_some_and(|packing| MAKERS_PACKINGS.contains(&packing))
+    }
+
+    /// Whether a camera maker's notes stand beside the EXIF data.
+    pub(super) fn has_maker_notes(&self) -> bool {
+        let exif = self.number(EXIF_DIRECTORY).ok().flatten();
+        let exif = exif.and_then(|at| Directory::read(self.file, at).ok());
+        exif.is_some_and(|exif| exif.find(MAKER_NOTE).is_some())
+    }
+
+    /// The colours that the directory states of a picture, if any (TIFF 6.0, §20).
+    fn stated_colours(&self) -> Option<StatedColours> {
+        let reals = |tag| self.reals(tag).ok().flatten().unwrap_or_default();
+        let xy = [reals(WHITE_POINT), reals(PRIMARIES)].concat();
+        let xy: Option<[f64; 8]> =
+            xy.into_iter().map(f64::from).collect::<Vec<_>>().try_into().ok();
+        let curves = self.numbers(TRANSFER_FUNCTION).ok().flatten().unwrap_or_default();
+        let steps = 1usize << self.number(BITS_PER_SAMPLE).ok().flatten().unwrap_or(1).min(16);
+        let tables = curves
+            .chunks_exact(steps)
+            .map(|table| table.iter().map(|&v| u16::try_from(v).unwrap_or(u16::MAX)).collect());
+        match (curves.len() / steps, xy) {
+            (1 | 3, xy) => Some(StatedColours::Tables { tables: tables.collect(), xy }),
+            (_, Some(xy)) => Some(StatedColours::Measured { gamma: None, xy: Some(xy) }),
+            _ => None,
+        }
     }
 
     /// Checks that inks, compression and depth are read.
@@ -346,12 +381,14 @@ mod tests {
             walked.lost.into_iter().collect::<Vec<_>>()
         };
         assert_eq!(lost(NEW_SUBFILE_TYPE, 4, &[0; 4]), []);
-        for tag in [ARTIST, MAKE, DATE_TIME] {
-            assert_eq!(lost(tag, 2, b"camera\0\0"), [Lost::Texts], "{tag}");
+        for (tag, wanted) in [(315, vec![]), (271, vec![]), (269, vec![Lost::TEXTS])] {
+            assert_eq!(lost(tag, 2, b"camera\0\0"), wanted, "{tag}");
         }
-        assert_eq!(lost(IPTC, 7, b"\x1c\x02\x50\0\x03Ada"), [Lost::Iptc]);
+        let other = lost(65111, 2, b"camera\0\0").remove(0).note();
+        assert!(other.contains("65111"), "{other}");
+        assert_eq!(lost(IPTC, 7, b"\x1c\x02\x50\0\x03Ada"), [Lost::IPTC]);
         let resources = |number: u8| [b"8BIM\x04", &[number, 0, 0, 0, 0, 0, 2, 1, 1][..]].concat();
-        assert_eq!(lost(IMAGE_RESOURCES, 1, &resources(4)), [Lost::Iptc]);
+        assert_eq!(lost(IMAGE_RESOURCES, 1, &resources(4)), [Lost::IPTC]);
         assert_eq!(lost(IMAGE_RESOURCES, 1, &resources(5)), []);
         let past = walk(&with(IMAGE_RESOURCES, 1, 9999, b"8BIM")).unwrap();
         assert!(past.lost.is_empty(), "resources past the end are ignored");
@@ -408,6 +445,11 @@ mod tests {
             let flaw = walk(&with(tag, 4, value, &[])).unwrap_err().to_string();
             assert!(flaw.contains(words), "{words}: {flaw}");
         }
-        assert!(walk(&with(GPS_DIRECTORY, 4, 20, &[])).unwrap().lost.contains(&Lost::Exif));
+        let light: Vec<u8> = (0..6u16).flat_map(|n| (60000 * (n % 2)).to_le_bytes()).collect();
+        let stated = walk(&with(TRANSFER_FUNCTION, 3, 6, &light));
+        let Some(StatedColours::Tables { tables, xy: None }) = stated.unwrap().colours else {
+            panic!("a table of one bit")
+        };
+        assert_eq!(tables, [[0, 60000]; 3]);
     }
 }

@@ -2,10 +2,91 @@
 
 use serde::{Deserialize, Serialize};
 
-use moxcms::{ColorProfile, DataColorSpace, ToneReprCurve};
+use moxcms::{
+    Chromaticity, CicpProfile, ColorPrimaries, ColorProfile, DataColorSpace, MatrixCoefficients,
+    ToneReprCurve, curve_from_gamma,
+};
 
 use crate::config::Curve;
 use crate::frame::{Channel, FULL_SCALE, Plane};
+
+/// Colours that a file states elsewhere than in an ICC profile.
+#[derive(Debug, Clone)]
+pub(super) enum StatedColours {
+    /// sRGB.
+    Srgb,
+    /// A power of the code, if not sRGB's curve; x and y of white, red, green and blue, if not
+    /// sRGB's.
+    Measured { gamma: Option<f64>, xy: Option<[f64; 8]> },
+    /// Tables of light, 0..65535, by the code: one or one a channel; x and y as above.
+    Tables { tables: Vec<Vec<u16>>, xy: Option<[f64; 8]> },
+    /// Primaries and transfer by numbers.
+    Coded(Box<ColorProfile>),
+}
+
+impl StatedColours {
+    /// Adobe RGB (1998), §4.3.
+    pub(super) const ADOBE: StatedColours = StatedColours::Measured {
+        gamma: Some(2.199_218_75),
+        xy: Some([0.3127, 0.329, 0.64, 0.33, 0.21, 0.71, 0.15, 0.06]),
+    };
+
+    /// The numbers `primaries` and `transfer` of ITU-T H.273; `None` for those of no ordinary
+    /// screen.
+    pub(super) fn coded(primaries: u8, transfer: u8) -> Option<StatedColours> {
+        // Logarithmic curves, and those of bright screens.
+        if matches!(transfer, 9 | 10 | 16 | 18) {
+            return None;
+        }
+        if (primaries, transfer) == (1, 13) {
+            return Some(StatedColours::Srgb);
+        }
+        let stated = CicpProfile {
+            color_primaries: primaries.try_into().ok()?,
+            transfer_characteristics: transfer.try_into().ok()?,
+            matrix_coefficients: MatrixCoefficients::Identity,
+            full_range: true,
+        };
+        let profile = ColorProfile::new_from_cicp(stated);
+        profile.red_trc.is_some().then(|| StatedColours::Coded(Box::new(profile)))
+    }
+
+    /// The ICC profile of these colours, of a `grey` picture or another; `None` for sRGB's.
+    pub(super) fn profile(&self, grey: bool) -> Option<Vec<u8>> {
+        let mut profile = ColorProfile::new_srgb();
+        let (xy, curves) = match self {
+            StatedColours::Srgb => return None,
+            StatedColours::Coded(coded) => {
+                profile = coded.as_ref().clone();
+                (None, Vec::new())
+            }
+            StatedColours::Measured { gamma, xy } => {
+                (*xy, gamma.iter().map(|&gamma| curve_from_gamma(gamma as f32)).collect())
+            }
+            StatedColours::Tables { tables, xy } => {
+                (*xy, tables.iter().cloned().map(ToneReprCurve::Lut).collect::<Vec<_>>())
+            }
+        };
+        if let [red, .., blue] | [red @ blue] = &curves[..] {
+            let green = curves.get(1).unwrap_or(red);
+            profile.red_trc = Some(red.clone());
+            profile.green_trc = Some(green.clone());
+            profile.blue_trc = Some(blue.clone());
+        }
+        if let Some([wx, wy, rest @ ..]) = xy {
+            let [red, green, blue] =
+                [0, 2, 4].map(|n| Chromaticity { x: rest[n] as f32, y: rest[n + 1] as f32 });
+            let white = Chromaticity { x: wx as f32, y: wy as f32 }.to_xyyb();
+            profile.update_rgb_colorimetry(white, ColorPrimaries { red, green, blue });
+        }
+        if grey {
+            let mut of_grey = ColorProfile::new_gray_with_gamma(1.0);
+            of_grey.gray_trc = profile.green_trc;
+            profile = of_grey;
+        }
+        profile.encode().ok()
+    }
+}
 
 /// Light 0..1 of a code 0..1.
 fn light(curve: Curve, code: f64) -> f64 {
@@ -136,7 +217,7 @@ impl Tone {
 /// The ICC profile of sRGB's primaries with a linear curve.
 pub(super) fn linear_profile() -> Option<Vec<u8>> {
     let mut profile = ColorProfile::new_srgb();
-    let straight = moxcms::curve_from_gamma(1.0);
+    let straight = curve_from_gamma(1.0);
     (profile.red_trc, profile.green_trc, profile.blue_trc) =
         (Some(straight.clone()), Some(straight.clone()), Some(straight));
     profile.encode().ok()
@@ -176,6 +257,35 @@ mod tests {
     }
 
     #[test]
+    fn stated_colours_give_their_profile() {
+        let half = |stated: &StatedColours, grey| {
+            let icc = stated.profile(grey).unwrap();
+            let tone = Tone::of_profile(&icc, 8, grey).unwrap();
+            (
+                f64::from(tone.light(0, 128) / FULL_SCALE),
+                ColorProfile::new_from_slice(&icc).unwrap(),
+            )
+        };
+        let code = 128.0f64 / 255.0;
+        for grey in [false, true] {
+            let linear = StatedColours::Measured { gamma: Some(1.0), xy: None };
+            assert!((half(&linear, grey).0 - code).abs() < 1e-3, "{grey}");
+        }
+        let (light, profile) = half(&StatedColours::ADOBE, false);
+        assert!((light - code.powf(2.199)).abs() < 1e-3, "{light}");
+        let known = ColorProfile::new_adobe_rgb();
+        assert!((profile.green_colorant.x - known.green_colorant.x).abs() < 1e-3);
+        let tables = (0..256u16).map(|n| n * n).collect::<Vec<_>>();
+        let squares = StatedColours::Tables { tables: vec![tables], xy: None };
+        assert!((half(&squares, false).0 - code * code).abs() < 0.01);
+        // Rec. 2020's primaries with sRGB's curve, and the curve of bright screens.
+        let wide = half(&StatedColours::coded(9, 13).unwrap(), false);
+        assert!((wide.0 - 0.2158).abs() < 1e-3 && wide.1.red_colorant.x > 0.6);
+        assert!(StatedColours::coded(9, 16).is_none());
+        assert!(StatedColours::Srgb.profile(false).is_none());
+    }
+
+    #[test]
     fn srgb_has_the_standard_curve() {
         let tone = Tone::of_curve(Curve::Srgb, 8);
         // IEC 61966-2-1: code 128 is 21.586 % light.
@@ -192,7 +302,7 @@ mod tests {
     #[test]
     fn a_profile_s_curve_is_used_and_a_broken_profile_refused() {
         let mut profile = ColorProfile::new_srgb();
-        let gamma = moxcms::curve_from_gamma(1.8);
+        let gamma = curve_from_gamma(1.8);
         (profile.red_trc, profile.green_trc, profile.blue_trc) =
             (Some(gamma.clone()), Some(gamma.clone()), Some(gamma));
         let icc = profile.encode().unwrap();

@@ -90,10 +90,9 @@ impl SiteBlocks {
         let rows = |of: &SiteBlock| if in_tiles { block.height } else { of.size.height };
         // A smaller count that is right for another depth, as some programs write, is not needed.
         let whole = |(of, &count): (&SiteBlock, &usize)| {
-            BITS.into_iter().filter(|&b| b <= bits).any(|bits| {
-                let all = rows(of) * (block.width * bits).div_ceil(8);
-                (all..=all + FILLED_MAX).contains(&count)
-            })
+            let most = |bits: usize| rows(of) * (block.width * bits).div_ceil(8) + FILLED_MAX;
+            let least = |bits: usize| rows(of) * block.width * bits / 8;
+            BITS.into_iter().any(|b| b <= bits && (least(b)..=most(b)).contains(&count))
         };
         if !blocks.iter().zip(&counts).all(whole) {
             return Err(misfit());

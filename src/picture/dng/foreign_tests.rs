@@ -5,6 +5,7 @@ use super::tests::{SIZE, sites};
 use super::*;
 use crate::config::{Curve, RawResults};
 use crate::frame::{Channel, Frame, Work};
+use crate::picture::tiff::EXIF_DIRECTORY;
 use crate::picture::{Format, Limits, Photo};
 
 const ASCII: u16 = 2;

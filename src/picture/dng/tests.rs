@@ -296,6 +296,41 @@ fn other_varieties_are_refused_by_name() {
     assert!(other.contains("found 42×30 sites, allowed the rig's whole sensor"), "{other}");
 }
 
+#[test]
+fn counts_of_another_depth_and_floating_levels_are_read() {
+    let light = read(&file(Mosaic::Rggb)).unwrap().light;
+    let of_ten_bits = 42 * 30 * 10 / 8u32;
+    let counts = with(STRIP_BYTE_COUNTS, 4, 1, of_ten_bits.to_le_bytes());
+    assert_eq!(read(&counts).unwrap().light, light);
+    let level = with(BLACK_LEVEL, 11, 1, 64.25f32.to_le_bytes());
+    assert_eq!(read(&level).unwrap().light, light);
+    let black = {
+        let mut bytes = file(Mosaic::Rggb);
+        bytes[8 + 42 * 30..8 + 2 * 42 * 30].fill(0);
+        bytes
+    };
+    assert!(read(&black).is_ok(), "sites without light are no hole");
+}
+
+#[test]
+fn a_result_names_camera_program_and_exposure() {
+    let photo = read(&file(Mosaic::Rggb)).unwrap();
+    let result = photo.with_picture(&photo.light, Format::Tiff).unwrap();
+    let text = |tag| {
+        let file = File::new(&result);
+        Directory::read(&file, first(&result)).unwrap().text(tag).unwrap()
+    };
+    assert_eq!(text(MAKE).as_deref(), Some(OUR_MAKE));
+    assert!(text(305).unwrap().starts_with("relens "));
+    let file = File::new(&result);
+    let main = Directory::read(&file, first(&result)).unwrap();
+    let exif = main.number(crate::picture::tiff::EXIF_DIRECTORY).unwrap().unwrap();
+    assert!(Directory::read(&file, exif).unwrap().find(EXPOSURE).is_some());
+    assert!(image::load_from_memory(&result).is_ok(), "still a picture");
+    let back = Photo::from_bytes("a.tif", &result, Curve::Srgb, &Limits::default()).unwrap();
+    assert_eq!(back.losses, Vec::<String>::new());
+}
+
 /// A tag with a value outside its entry, for renaming.
 const EXPOSURE: u16 = 33434;
 
