@@ -43,8 +43,12 @@ pub trait Trigger {
     /// Starts an exposure; returns the moment before it.
     ///
     /// # Errors
-    /// When the line cannot be driven.
+    /// When the line cannot be driven; [`RigError::PulseLength`] after an exposure of wrong length.
     fn fire(&mut self) -> Result<Moment, RigError>;
+    /// Makes pulses that last as long as the exposure `times` the rig file's.
+    fn expose_times(&mut self, times: f64) {
+        let _ = times;
+    }
 }
 
 /// Image sensor.
@@ -113,6 +117,14 @@ pub enum RigError {
         /// Description of the last frame.
         last: String,
     },
+    /// The pulse that is the exposure had the wrong length.
+    #[error("the trigger's pulse lasted {found_ms:.2} ms instead of {wanted_ms:.2}")]
+    PulseLength {
+        /// Length of the pulse.
+        found_ms: f64,
+        /// Exposure time.
+        wanted_ms: f64,
+    },
     /// A device is missing or disconnected.
     #[error("the {device} is gone: {what}")]
     Gone {
@@ -164,7 +176,9 @@ pub enum RigError {
 impl Remediable for RigError {
     fn remedy(&self) -> Remedy {
         match self {
-            RigError::NoFrame { .. } | RigError::NotThisPicture { .. } => Remedy::ShootAgain,
+            RigError::NoFrame { .. }
+            | RigError::NotThisPicture { .. }
+            | RigError::PulseLength { .. } => Remedy::ShootAgain,
             RigError::Gone { .. } | RigError::Failed { .. } => Remedy::ReopenRig,
             // Another program keeps a device for longer than a few tries.
             RigError::Held { .. } | RigError::Refused { .. } | RigError::NoMarks { .. } => {

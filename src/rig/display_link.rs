@@ -1,7 +1,9 @@
 //! Recovery of a display after its cable was out, its link failed, or another program used it.
 //!
 //! A link that failed its training stays black until the mode is set again with `link-status` Good
-//! (Linux DRM documentation, "Standard Connector Properties"). A commit by a program that is not
+//! (Linux DRM documentation, "Standard Connector Properties"). A monitor that was off may need it,
+//! too, but a commit of an equal mode is no mode set (`drm_mode_equal` in drm_atomic_helper.c): the
+//! display is switched off first. A commit by a program that is not
 //! DRM master is refused with EACCES. The kernel is behind a trait, since no virtual display loses
 //! links.
 
@@ -32,7 +34,9 @@ pub(super) trait Display {
     fn probe(&mut self) -> Result<bool, RigError>;
     /// Becomes DRM master.
     fn take(&mut self) -> Result<(), RigError>;
-    /// Sets the mode.
+    /// Switches the output off.
+    fn darken(&mut self) -> Result<(), RigError>;
+    /// Commits the mode.
     fn light(&mut self) -> Result<(), RigError>;
 }
 
@@ -73,6 +77,7 @@ impl Link {
         if !display.probe()? {
             return Err(unplugged(display.name()));
         }
+        display.darken()?;
         display.light()?;
         self.dark = false;
         if self.bad > TRAININGS_MAX {
@@ -96,9 +101,13 @@ pub(super) fn unplugged(name: &str) -> RigError {
 mod tests {
     use super::*;
 
-    /// A display with scripted faults.
+    /// A display with scripted faults and the kernel's rule for equal modes.
     struct Fake {
         look: ConnectorState,
+        /// Whether the CRTC is active.
+        active: bool,
+        /// Whether the monitor receives a picture.
+        shows: bool,
         /// Another program is DRM master.
         taken: bool,
         /// Trainings that will fail.
@@ -109,7 +118,7 @@ mod tests {
     const WELL: ConnectorState = ConnectorState { plugged_in: true, link_status: Some(GOOD) };
 
     fn fake() -> Fake {
-        Fake { look: WELL, taken: false, failures: 0, lit: 0 }
+        Fake { look: WELL, active: true, shows: true, taken: false, failures: 0, lit: 0 }
     }
 
     impl Display for Fake {
@@ -126,8 +135,17 @@ mod tests {
             let what = "another program drives the display".to_owned();
             if self.taken { Err(RigError::Held { device: "panel", what }) } else { Ok(()) }
         }
+        fn darken(&mut self) -> Result<(), RigError> {
+            assert!(!self.taken, "only a master sets modes");
+            (self.active, self.shows) = (false, false);
+            Ok(())
+        }
         fn light(&mut self) -> Result<(), RigError> {
             assert!(!self.taken, "only a master sets modes");
+            if self.active && self.look.link_status.is_none_or(|status| status == GOOD) {
+                return Ok(());
+            }
+            (self.active, self.shows) = (true, true);
             self.lit += 1;
             self.look.link_status = self.look.link_status.map(|_| u64::from(self.failures > 0));
             self.failures = self.failures.saturating_sub(1);
@@ -180,7 +198,7 @@ mod tests {
     #[test]
     fn a_missing_cable_is_an_error_and_the_mode_is_set_once_when_it_is_back() {
         let (mut link, mut display) = (Link::default(), fake());
-        display.look.plugged_in = false;
+        (display.look.plugged_in, display.shows) = (false, false);
         assert!(
             link.keep(&mut display)
                 .is_err_and(|e| e.to_string().contains("nothing is plugged into HDMI-A-1"))
@@ -188,6 +206,7 @@ mod tests {
         assert_eq!(pictures(&mut link, &mut display), 0);
         display.look.plugged_in = true;
         assert_eq!(pictures(&mut link, &mut display), 1);
+        assert!(display.shows, "an equal mode was committed");
     }
 
     #[test]

@@ -41,6 +41,13 @@ impl Timing {
 /// them. Guess.
 const STAMP_ERROR_MS: f64 = 2.0;
 
+/// Watch for frames without a trigger: five of a slow camera's 15 frames a second.
+const UNPULSED_MS: f64 = 300.0;
+
+/// Cause of frames that are early each time (raspberrypi/linux, pull request 6010).
+const ONE_LATE: &str = ", as each time: kernels before March 2024 deliver the IMX296's frames one \
+                        trigger late; update the board";
+
 /// Rejected frames by reason, since the rig was opened.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Rejected {
@@ -56,12 +63,15 @@ pub struct Rejected {
     pub mixed: u64,
     /// Without a readable mark.
     pub unmarked: u64,
+    /// Exposed by a pulse of wrong length.
+    pub mistimed: u64,
 }
 
 impl Rejected {
     /// Total of all reasons.
     pub fn total(&self) -> u64 {
-        self.missing + self.repeated + self.early + self.another + self.mixed + self.unmarked
+        let mismatched = self.another + self.mixed + self.unmarked;
+        self.missing + self.repeated + self.early + mismatched + self.mistimed
     }
 }
 
@@ -135,6 +145,7 @@ impl Devices {
     pub fn expose_times(&mut self, times: f64) -> Result<bool, RigError> {
         let is_set = self.camera.expose_times(times)?;
         if is_set {
+            self.trigger.expose_times(times);
             let longer_ms = self.timing.exposure_ms * (times / self.exposure_times - 1.0);
             self.timing.exposure_ms += longer_ms;
             self.timing.deadline_ms += longer_ms;
@@ -151,6 +162,52 @@ impl Devices {
     /// When the camera refuses the setting.
     pub fn amplify_times(&mut self, times: f64) -> Result<Option<f64>, RigError> {
         self.camera.amplify_times(times)
+    }
+
+    /// Watches a triggered camera while no pulse is sent.
+    ///
+    /// # Errors
+    /// [`RigError::Refused`] for a frame exposed meanwhile; else as [`Camera::frame`].
+    pub fn refuse_free_running(&mut self) -> Result<(), RigError> {
+        let began = self.clock.now();
+        let deadline = after(began, UNPULSED_MS + self.timing.exposure_ms);
+        loop {
+            match self.camera.frame(deadline) {
+                Err(RigError::NoFrame { .. }) => return Ok(()),
+                Ok(exposed) if exposed.at > began => {
+                    return Err(RigError::Refused {
+                        device: "camera",
+                        found: "a frame without a trigger pulse: the camera runs free".to_owned(),
+                        allowed: "frames on pulses alone: switch the camera's trigger mode on \
+                                  (hardware.md), or write kind = \"free-running\" in \
+                                  [hardware.trigger]"
+                            .to_owned(),
+                    });
+                }
+                earlier => self.camera.give_back(earlier?.counts),
+            }
+        }
+    }
+
+    /// Fires the trigger. After a pulse of wrong length its frame is thrown away and the pulse is
+    /// repeated, up to [`Timing::exposures_max`] pulses in all.
+    ///
+    /// # Errors
+    /// As [`Trigger::fire`] and [`Camera::frame`].
+    pub(crate) fn pulse(&mut self) -> Result<Moment, RigError> {
+        for _ in 1..self.timing.exposures_max {
+            match self.trigger.fire() {
+                Err(RigError::PulseLength { .. }) => self.rejected.mistimed += 1,
+                outcome => return outcome,
+            }
+            let deadline = after(self.clock.now(), self.timing.deadline_ms);
+            match self.camera.frame(deadline) {
+                Ok(exposed) => self.camera.give_back(exposed.counts),
+                Err(RigError::NoFrame { .. }) => {}
+                Err(error) => return Err(error),
+            }
+        }
+        self.trigger.fire()
     }
 
     /// Locates the frame marks with about thirty captures; from then on they identify every frame.
@@ -207,7 +264,7 @@ impl Devices {
         let marks = self.marks.take();
         let mut outcome = Err(RigError::NoFrame { waited_ms: 0.0 });
         for _ in 0..self.timing.exposures_max {
-            outcome = self.trigger.fire().and_then(|fired| {
+            outcome = self.pulse().and_then(|fired| {
                 self.captures += 1;
                 let flip = Flip { at: fired, vblank: 0 };
                 self.receive(&PendingExposure { flip, fired, number: 0, vanished: None })
@@ -247,10 +304,16 @@ impl Devices {
         vanished: Option<MarkShares>,
     ) -> Result<Exposed, RigError> {
         let mut failure = RigError::NoFrame { waited_ms: 0.0 };
+        let early_before = self.rejected.early;
         for tries in 1..=self.timing.exposures_max {
             let pending = PendingExposure { vanished, ..self.fire(flip, number)? };
             match self.receive(&pending) {
-                Err(RigError::NotThisPicture { last, .. }) => {
+                Err(RigError::NotThisPicture { mut last, .. }) => {
+                    let early = self.rejected.early - early_before;
+                    // The first trigger of all gives no frame.
+                    if tries > 2 && early + 1 >= u64::from(tries) {
+                        last.push_str(ONE_LATE);
+                    }
                     failure = RigError::NotThisPicture { tries, last }
                 }
                 Err(missing @ RigError::NoFrame { .. }) => failure = missing,
@@ -278,7 +341,7 @@ impl Devices {
     /// Triggers once the picture has settled.
     fn fire(&mut self, flip: Flip, number: u8) -> Result<PendingExposure, RigError> {
         self.clock.wait_until(after(flip.at, self.timing.settle_ms));
-        let fired = self.trigger.fire()?;
+        let fired = self.pulse()?;
         self.captures += 1;
         Ok(PendingExposure { flip, fired, number, vanished: None })
     }
@@ -372,3 +435,6 @@ fn after(moment: Moment, wait_ms: f64) -> Moment {
 #[cfg(test)]
 #[path = "exposure_tests.rs"]
 mod tests;
+#[cfg(test)]
+#[path = "trigger_tests.rs"]
+mod trigger_tests;

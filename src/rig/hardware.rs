@@ -9,9 +9,10 @@ use super::kms_panel::{KmsPanel, KmsSettings};
 use super::lamps::Lamps;
 use super::monotonic::Monotonic;
 use super::pulse_trigger::{FreeRunning, PulseTrigger};
-use super::{Lamp, Panel, RigError, Trigger, camera};
+use super::{Lamp, Panel, RigError, Trigger, camera, kms_card};
 use crate::config::{
-    self, GpioLine, Hardware, LampDevices, Level, PanelDevice, PanelTable, TriggerDevice,
+    self, ExposureBy, GpioLine, Hardware, LampDevices, Level, PanelDevice, PanelTable,
+    TriggerDevice,
 };
 
 /// Opens panel, trigger and camera.
@@ -21,10 +22,15 @@ use crate::config::{
 pub fn open(rig: &config::RigFile, hardware: &Hardware) -> Result<Devices, RigError> {
     let panel = open_panel(&rig.panel, &hardware.panel)?;
     let pulse_us = hardware.pulse_us(rig.camera.exposure_ms);
-    let trigger = open_trigger(&hardware.trigger, pulse_us)?;
+    let pulsed = hardware.camera.exposure_by == ExposureBy::Pulse;
+    let trigger = open_trigger(&hardware.trigger, pulse_us, pulsed)?;
     let camera = camera::open(&rig.camera, hardware)?;
     let timing = Timing::of(&rig.panel, &rig.camera);
-    Ok(Devices::new(panel, trigger, camera, Box::new(Monotonic), timing))
+    let mut devices = Devices::new(panel, trigger, camera, Box::new(Monotonic), timing);
+    if let TriggerDevice::Line(_) = hardware.trigger {
+        devices.refuse_free_running()?;
+    }
+    Ok(devices)
 }
 
 /// Opens the panel alone, so that messages can be shown when another device fails.
@@ -51,14 +57,25 @@ fn line(GpioLine { chip, line, active }: &GpioLine) -> LineName {
 fn open_trigger(
     device: &TriggerDevice,
     pulse_us: u32,
+    pulsed: bool,
 ) -> Result<Box<dyn Trigger + Send>, RigError> {
     match device {
         TriggerDevice::FreeRunning(_) => Ok(Box::new(FreeRunning(Monotonic))),
         TriggerDevice::Line(name) => {
             let pin = OutputLine::open("trigger", &line(name))?;
-            Ok(Box::new(PulseTrigger::new(pin, Delay, Monotonic, pulse_us)?))
+            let trigger = PulseTrigger::new(pin, Delay, Monotonic, pulse_us)?;
+            Ok(Box::new(if pulsed { trigger.exposing() } else { trigger }))
         }
     }
+}
+
+/// Describes the board's displays and cameras, without serial numbers.
+pub fn describe() -> String {
+    let mut text = String::new();
+    // Writing to a string cannot fail.
+    let _ = kms_card::describe(&mut text);
+    let _ = camera::v4l2::describe(&mut text);
+    text
 }
 
 /// Opens the start button.

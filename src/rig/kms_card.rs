@@ -1,8 +1,10 @@
 //! A DRM node, opened by path or by its connector, with properties by name.
 
+use std::fmt::Write;
 use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
 use std::path::{Path, PathBuf};
 
+use drm::Device as _;
 use drm::control::{Device as _, ResourceHandle, connector, property};
 use rustix::fs::{Mode, OFlags};
 use rustix::io::Errno;
@@ -188,6 +190,47 @@ fn chosen(cards: &[CardSockets], name: &str) -> Result<usize, RigError> {
             })
         }
     }
+}
+
+/// Writes connectors of all cards with their modes and properties to `text`; of a blob, such as the
+/// monitor's description with its serial number, only that there is one.
+///
+/// # Errors
+/// When `text` takes no more.
+pub(super) fn describe(text: &mut impl Write) -> std::fmt::Result {
+    for path in (0..16).map(|n| PathBuf::from(format!("/dev/dri/card{n}"))) {
+        let fd = rustix::fs::open(&path, OFlags::RDWR | OFlags::CLOEXEC, Mode::empty());
+        let Some(card) = fd.ok().map(Card) else { continue };
+        let driver = card.get_driver().map(|driver| driver.name().to_string_lossy().into_owned());
+        writeln!(text, "{}: {}", path.display(), driver.unwrap_or_default())?;
+        for handle in card.resource_handles().iter().flat_map(|all| all.connectors().to_vec()) {
+            let Ok(info) = card.get_connector(handle, false) else { continue };
+            let plugged_in = info.state() == connector::State::Connected;
+            writeln!(text, " {}", Socket { name: info.to_string(), plugged_in })?;
+            for mode in info.modes() {
+                let ((width, height), hz) = (mode.size(), mode.vrefresh());
+                writeln!(text, "  {width}×{height} at {hz} Hz, {} kHz", mode.clock())?;
+            }
+            let Ok(properties) = card.properties(handle) else { continue };
+            for (info, value) in &properties.0 {
+                let choices = match info.value_type() {
+                    property::ValueType::Enum(choices) => format!(
+                        " of {:?}",
+                        choices
+                            .values()
+                            .1
+                            .iter()
+                            .map(|c| (c.value(), c.name()))
+                            .collect::<Vec<_>>()
+                    ),
+                    property::ValueType::Blob => " (blob)".to_owned(),
+                    _ => String::new(),
+                };
+                writeln!(text, "  {} = {value}{choices}", info.name().to_string_lossy())?;
+            }
+        }
+    }
+    Ok(())
 }
 
 /// Properties of an object.

@@ -18,7 +18,7 @@ use rustix::io::Errno;
 
 use super::display_link::{ConnectorState, Display, Link, unplugged};
 use super::kms_card::{Card, commit_failed, failed};
-use super::modeset::{Pipe, light_up, light_up_legacy};
+use super::modeset::{Pipe, darken, light_up, light_up_legacy};
 use super::monotonic::{Monotonic, remaining_until};
 use super::{Clock, Flip, Moment, Panel, RigError};
 use crate::frame::{Codes, Size};
@@ -288,6 +288,15 @@ impl Display for KmsPanel {
 
     fn take(&mut self) -> Result<(), RigError> {
         self.card.acquire_master_lock().map_err(|_| commit_failed(Errno::ACCESS.into()))
+    }
+
+    fn darken(&mut self) -> Result<(), RigError> {
+        match self.picture_property {
+            Some(_) => darken(&self.card, self.pipe),
+            None => {
+                self.card.set_crtc(self.pipe.crtc, None, (0, 0), &[], None).map_err(commit_failed)
+            }
+        }
     }
 
     fn light(&mut self) -> Result<(), RigError> {

@@ -21,8 +21,9 @@ enum Wanted {
 
 /// Properties of the connector. A limited "Broadcast RGB" range merges the lowest and highest 16
 /// codes. The "content type" Graphics keeps a television from overscanning and sharpening.
-const CONNECTOR: [(&str, Wanted); 9] = [
+const CONNECTOR: [(&str, Wanted); 10] = [
     ("Broadcast RGB", Wanted::Choice("Full")),
+    ("Output format", Wanted::Choice("RGB")),
     ("Colorspace", Wanted::Choice("Default")),
     ("content type", Wanted::Choice("Graphics")),
     ("scaling mode", Wanted::Choice("None")),
@@ -97,6 +98,17 @@ fn confirm(has: &Properties, checks: &[(&'static str, u64)]) -> Result<(), RigEr
         }
     }
     Ok(())
+}
+
+/// Switches the pipe off; the next mode is then set even if it is the same.
+///
+/// # Errors
+/// As of a refused commit.
+pub(super) fn darken(card: &Card, pipe: Pipe) -> Result<(), RigError> {
+    let active = card.properties(pipe.crtc)?.handle("ACTIVE")?;
+    let mut request = AtomicModeReq::new();
+    request.add_property(pipe.crtc, active, property::Value::Boolean(false));
+    card.atomic_commit(AtomicCommitFlags::ALLOW_MODESET, request).map_err(commit_failed)
 }
 
 /// Shows `picture` on the pipe in `mode`, pixel for pixel, and reads every setting back.

@@ -31,13 +31,13 @@ fn the_board_s_rig_file_is_valid() {
 }
 
 #[test]
-fn the_cheap_rig_s_file_is_valid_and_its_parts_cost_less_than_400() {
+fn the_cheap_rig_s_file_is_valid_and_its_parts_cost_420_to_480() {
     let cheap = include_str!("../../rig-config/raspberry-pi-5-gs.toml");
     let rig = parse(cheap).unwrap_or_else(|error| panic!("{error}"));
     assert!(rig.mosaic().is_some() && rig.marks.is_some() && rig.warnings().is_empty());
     let config::Kind::Hardware(parts) = &rig.kind else { panic!("it is made of parts") };
     let graph = parts.camera.media.as_ref().expect("a media graph");
-    assert!(graph.entities().any(|entity| entity == "imx296") && graph.link.len() == 2);
+    assert!(graph.entities().any(|entity| entity == "imx296") && graph.link.len() == 1);
     // The panel is finer than the sensor along both axes, at 0.85 sensor pixels per panel pixel.
     let (panel, sensor) = (rig.panel.size(), rig.photo_grid().sensor);
     let needed = |pixels: usize| pixels as f64 / 0.85;
@@ -45,7 +45,7 @@ fn the_cheap_rig_s_file_is_valid_and_its_parts_cost_less_than_400() {
         needed(sensor.width) < panel.width as f64 && needed(sensor.height) < panel.height as f64
     );
 
-    assert!(total_of("### Under 400 €") < 400.0);
+    assert!((420.0..=480.0).contains(&total_of("### Under 500 €")));
 }
 
 /// Total in the last row of the first table after `heading`, checked against the other rows.

@@ -133,6 +133,23 @@ fn vimc_raw_sites_have_their_colours_for_every_pattern() {
 
 #[test]
 #[ignore = "needs vimc"]
+fn vimc_links_that_are_not_listed_are_disabled() {
+    let state = || {
+        let mut text = String::new();
+        relens::rig::camera::v4l2::describe(&mut text).expect("a string takes it");
+        let link = text.lines().find(|line| line.contains("Debayer A:1 to Scaler:0"));
+        link.unwrap_or_else(|| panic!("no such link in {text}")).to_owned()
+    };
+    drop(opened(settings(scaled_graph("A", "B"), "RGB3", Size::new(640, 480))));
+    assert!(state().ends_with(": on"), "{}", state());
+    let mut graph = raw_graph("A", "SRGGB8_1X8");
+    graph.link.clear();
+    shows_the_bars(&frame(&mut opened(settings(graph, "RGGB", Size::new(640, 480)))));
+    assert!(state().ends_with(": off"), "{}", state());
+}
+
+#[test]
+#[ignore = "needs vimc"]
 fn vimc_links_are_enabled_and_disabled() {
     // The kernel's patterns 5 and 6 are black and white.
     for (which, other, pattern) in [("B", "A", 6), ("A", "B", 5), ("B", "A", 6)] {

@@ -221,6 +221,12 @@ impl PixelFormat {
         }
     }
 
+    /// Bytes of a frame of `size` with rows `stride_bytes` apart; 0 where frames differ in length.
+    pub fn frame_bytes(self, size: Size, stride_bytes: usize) -> usize {
+        let (row_bytes, height) = self.layout(size);
+        height.saturating_sub(1) * stride_bytes + row_bytes
+    }
+
     /// Unpacks a frame of `bytes`, with rows `stride_bytes` apart, into `counts` of the frame's
     /// size. A grey camera fills all three planes. `scratch` is reused memory.
     ///
@@ -235,7 +241,7 @@ impl PixelFormat {
     ) -> Result<(), BadFrame> {
         let size = counts.size();
         let (row_bytes, height) = self.layout(size);
-        let wanted = (height.saturating_sub(1)) * stride_bytes + row_bytes;
+        let wanted = self.frame_bytes(size, stride_bytes);
         if bytes.len() < wanted || stride_bytes < row_bytes {
             return Err(BadFrame::Short(ShortFrame {
                 format: self.code(),

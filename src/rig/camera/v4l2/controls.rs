@@ -1,7 +1,9 @@
 //! Camera controls: automatic adjustments and processing off, exposure set, everything read back.
 
+use super::finding::busy_or;
 use super::kernel::{Control, Node};
-use crate::rig::RigError;
+use crate::rig::monotonic::Monotonic;
+use crate::rig::{Clock, Moment, RigError};
 
 /// Control of the exposure time.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -11,7 +13,12 @@ pub enum Exposure {
         /// Exposure time.
         exposure_ms: f64,
     },
-    /// The width of the trigger pulse, or a setting outside V4L2.
+    /// The width of the trigger pulse.
+    Pulse {
+        /// Exposure time.
+        exposure_ms: f64,
+    },
+    /// A setting outside V4L2.
     Elsewhere {
         /// Exposure time set there.
         exposure_ms: f64,
@@ -22,7 +29,9 @@ impl Exposure {
     /// Exposure time.
     pub fn exposure_ms(&self) -> f64 {
         match self {
-            Exposure::Control { exposure_ms } | Exposure::Elsewhere { exposure_ms } => *exposure_ms,
+            Exposure::Control { exposure_ms }
+            | Exposure::Pulse { exposure_ms }
+            | Exposure::Elsewhere { exposure_ms } => *exposure_ms,
         }
     }
 }
@@ -122,6 +131,52 @@ fn uncontrolled(has: &[Control]) -> Vec<&'static str> {
     STEADY.iter().filter(|(_, names)| lacks(names)).map(|(what, _)| *what).collect()
 }
 
+/// Controls held at 0 before formats are set, unless the rig file has another value: flips, which
+/// change the order of the colours, test pictures, and a light beside the lens. By their names in
+/// the kernel and in The Imaging Source's usb33.json.
+const ORIENTATION: [&str; 6] = [
+    "horizontal_flip",
+    "vertical_flip",
+    "flip_horizontal",
+    "flip_vertical",
+    "test_pattern",
+    "strobe_enable",
+];
+
+/// Wait for controls that a maker's udev rule adds after the node has appeared. Guess.
+const CONTROLS_MAX_S: f64 = 10.0;
+
+/// Waits for the `wanted` controls; one that is still missing is an error of [`settle_controls`].
+pub(super) fn await_controls(node: &Node, wanted: &[(String, i32)]) {
+    let end_s = Monotonic.now().0 + CONTROLS_MAX_S;
+    loop {
+        let has = node.controls();
+        let now_s = Monotonic.now().0;
+        if now_s > end_s || wanted.iter().all(|(name, _)| named(&has, name).is_ok()) {
+            return;
+        }
+        Monotonic.wait_until(Moment(now_s + 0.2));
+    }
+}
+
+/// Holds [`ORIENTATION`] controls, of which `wanted` may state other values.
+///
+/// # Errors
+/// As [`settle_controls`].
+pub(super) fn settle_orientation(node: &Node, wanted: &[(String, i32)]) -> Result<(), RigError> {
+    let has = node.controls();
+    for name in ORIENTATION {
+        let Ok(control) = named(&has, name) else { continue };
+        let stated = wanted.iter().find(|(one, _)| one == name);
+        let value = stated.map_or(0, |(_, value)| *value);
+        // While it streams, a sensor refuses even an equal value.
+        if node.control(control.id).ok() != Some(value) {
+            hold(node, control, value)?;
+        }
+    }
+    Ok(())
+}
+
 /// Sets [`STEADY`] controls, the exposure and the `wanted` controls, in this order, and reads each
 /// back. Returns the adjustments without a control.
 ///
@@ -145,7 +200,8 @@ pub(super) fn settle_controls(
     Ok(uncontrolled(&has))
 }
 
-/// Sets `times` the `exposure`; returns false if that is set elsewhere.
+/// Sets `times` the `exposure`, which a pulse does by itself; returns false if that is set
+/// elsewhere.
 ///
 /// # Errors
 /// [`RigError::Refused`] if the control is missing or does not hold its value.
@@ -155,7 +211,9 @@ pub(super) fn expose(
     exposure: &Exposure,
     times: f64,
 ) -> Result<bool, RigError> {
-    let Exposure::Control { exposure_ms } = exposure else { return Ok(false) };
+    let Exposure::Control { exposure_ms } = exposure else {
+        return Ok(matches!(exposure, Exposure::Pulse { .. }));
+    };
     let steps = (times * exposure_ms * 10.0).round() as i32;
     let control =
         named(has, "exposure_time_absolute").or_else(|_| named(has, "exposure_absolute"))?;
@@ -175,6 +233,13 @@ pub(super) fn amplify(
     times: f64,
 ) -> Result<(), RigError> {
     hold(node, named(has, &gain.name)?, gain.value_for(times))
+}
+
+/// Whether the frame interval of `node` is shorter than `times` the `exposure`.
+pub(super) fn needs_longer_interval(node: &Node, exposure: &Exposure, times: f64) -> bool {
+    let Exposure::Control { exposure_ms } = exposure else { return false };
+    let interval_s = node.frame_interval_s().ok().flatten();
+    interval_s.is_some_and(|interval_s| interval_s < times * exposure_ms / 1e3)
 }
 
 /// Requests a frame interval that is long enough for the exposure, since drivers shorten exposures
@@ -215,6 +280,9 @@ fn hold(node: &Node, control: &Control, value: i32) -> Result<(), RigError> {
     let outcome = node.set_control(control.id, value).and_then(|()| node.control(control.id));
     match outcome {
         Ok(found) if found == value => Ok(()),
+        Err(cause) if rustix::io::Errno::from_io_error(&cause) == Some(rustix::io::Errno::BUSY) => {
+            Err(busy_or(cause, "set a control"))
+        }
         outcome => Err(RigError::Refused {
             device: "camera",
             found: match outcome {

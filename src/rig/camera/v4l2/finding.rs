@@ -2,6 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
+#[cfg(test)]
+pub(super) use super::tests::kernel::root;
+
 use super::kernel::Node;
 use crate::config::MediaGraph;
 use crate::rig::RigError;
@@ -18,6 +21,12 @@ pub enum CameraName {
     Card(String),
     /// Capture node of a media graph, which is set up first.
     Graph(MediaGraph),
+}
+
+/// Folder that holds `dev` and `sys`.
+#[cfg(not(test))]
+pub(super) fn root() -> PathBuf {
+    PathBuf::from("/")
 }
 
 pub(super) fn gone(what: String) -> RigError {
@@ -49,7 +58,7 @@ pub(super) fn by_card(wanted: &str) -> Result<Node, RigError> {
     let mut others = Vec::new();
     let mut found = None;
     for number in 0..NODES_MAX {
-        let Ok(node) = Node::open(Path::new(&format!("/dev/video{number}"))) else {
+        let Ok(node) = Node::open(&root().join(format!("dev/video{number}"))) else {
             continue;
         };
         let Ok(identity) = node.identity() else { continue };

@@ -190,24 +190,23 @@ impl Node {
         Ok(request.count)
     }
 
-    /// Maps and queues one of the requested buffers.
-    pub(super) fn queue_new(&self, index: u32) -> io::Result<Buffer> {
+    /// Maps one of the requested buffers.
+    pub(super) fn map(&self, index: u32) -> io::Result<Buffer> {
         let mut buffer = MappedBuffer::new(index);
         call::<QueryBuffer>(self, &mut buffer)?;
         let (length, place) = (buffer.length as usize, u64::from(buffer.offset()));
         // SAFETY: a fresh mapping of `length` bytes at the offset the kernel gave for memory-mapped
         // buffers.
-        let start = unsafe {
-            mmap(std::ptr::null_mut(), length, ProtFlags::READ, MapFlags::SHARED, self, place)?
-        };
-        let mapped = Buffer { start, length };
-        call::<QueueBuffer>(self, &mut MappedBuffer::new(index))?;
-        Ok(mapped)
+        let access = ProtFlags::READ | ProtFlags::WRITE;
+        let start =
+            unsafe { mmap(std::ptr::null_mut(), length, access, MapFlags::SHARED, self, place)? };
+        Ok(Buffer { start, length, index })
     }
 
-    /// Returns a buffer to the driver.
-    pub(super) fn queue_again(&self, filled: Filled) -> io::Result<()> {
-        call::<QueueBuffer>(self, &mut MappedBuffer::new(filled.index))
+    /// Gives `buffer`, which ends in [`UNTOUCHED`] before `frame_bytes`, to the driver.
+    pub(super) fn queue(&self, buffer: &mut Buffer, frame_bytes: usize) -> io::Result<()> {
+        buffer.mark(frame_bytes);
+        call::<QueueBuffer>(self, &mut MappedBuffer::new(buffer.index))
     }
 
     /// Dequeues a filled buffer; `WouldBlock` if there is none.
@@ -240,16 +239,38 @@ pub(super) fn control_name(title: &str) -> String {
     words.map(str::to_ascii_lowercase).collect::<Vec<_>>().join("_")
 }
 
+/// End of a frame before the driver has written it. A receiver may deliver a frame whose lower rows
+/// were lost on the cable as a good one (rp1-cfe).
+const UNTOUCHED: &[u8; 16] = b"relens: no frame";
+
 /// A mapped buffer of the driver.
 pub(super) struct Buffer {
     start: *mut c_void,
     length: usize,
+    index: u32,
 }
 
-// SAFETY: the mapping belongs to this value alone and is only read.
+// SAFETY: the mapping belongs to this value alone.
 unsafe impl Send for Buffer {}
 
 impl Buffer {
+    /// Writes [`UNTOUCHED`] before `frame_bytes`, if a frame has so many.
+    fn mark(&mut self, frame_bytes: usize) {
+        if frame_bytes >= UNTOUCHED.len() && frame_bytes <= self.length {
+            // SAFETY: the place is within the writable mapping. Only `Node::queue` calls this,
+            // before the driver has the buffer, and `&mut self` excludes readers of it.
+            unsafe {
+                let end = self.start.cast::<u8>().add(frame_bytes - UNTOUCHED.len());
+                std::ptr::copy_nonoverlapping(UNTOUCHED.as_ptr(), end, UNTOUCHED.len());
+            }
+        }
+    }
+
+    /// Whether the driver has not written the end of a frame of `frame_bytes`.
+    pub(super) fn is_torn(&self, filled: &Filled, frame_bytes: usize) -> bool {
+        self.bytes(filled).get(..frame_bytes).is_some_and(|frame| frame.ends_with(UNTOUCHED))
+    }
+
     /// Bytes written by the driver.
     pub(super) fn bytes<'a>(&'a self, filled: &'a Filled) -> &'a [u8] {
         let used = filled.bytes_used.min(self.length);
@@ -261,7 +282,7 @@ impl Buffer {
 
 impl Drop for Buffer {
     fn drop(&mut self) {
-        // SAFETY: unmaps exactly what `queue_new` mapped. A failure would leak a mapping and
+        // SAFETY: unmaps exactly what `map` mapped. A failure would leak a mapping and
         // nothing else.
         let _ = unsafe { munmap(self.start, self.length) };
     }

@@ -2,14 +2,21 @@
 //! by frame.
 
 mod controls;
+mod describe;
 mod finding;
 mod kernel;
 mod media;
 mod request;
 mod ring;
+mod starts;
+#[cfg(test)]
+mod tests;
 
 pub use controls::{Exposure, GainControl};
-use controls::{amplify, expose, settle_controls};
+use controls::{
+    amplify, await_controls, expose, needs_longer_interval, settle_controls, settle_orientation,
+};
+pub use describe::describe;
 pub use finding::CameraName;
 use finding::{busy_or, by_card, by_link, gone};
 use kernel::{Node, Settled};
@@ -80,7 +87,8 @@ impl CameraSettings {
             buffers: device.buffers,
             exposure: match device.exposure_by {
                 ExposureBy::Control => Exposure::Control { exposure_ms },
-                ExposureBy::Pulse | ExposureBy::Elsewhere => Exposure::Elsewhere { exposure_ms },
+                ExposureBy::Pulse => Exposure::Pulse { exposure_ms },
+                ExposureBy::Elsewhere => Exposure::Elsewhere { exposure_ms },
             },
             gain: device.gain_step_db.and_then(|step_db| {
                 let held = |name: &&str| Some((name.to_string(), *device.controls.get(*name)?));
@@ -180,6 +188,7 @@ impl Camera for V4l2Camera {
             let mut counts = self.spare.pop().unwrap_or_else(|| Counts::zeros(self.settings.size));
             let bytes = ring.bytes(&filled);
             let is_complete = !filled.damaged
+                && !ring.is_torn(&filled)
                 && match self.settings.format {
                     // A frame damaged on the cable may crash its decoder only.
                     PixelFormat::Jpeg => decode(&mut self.decoder, bytes, &mut counts),
@@ -206,6 +215,11 @@ impl Camera for V4l2Camera {
             }
             self.lost += 1;
             let _ = self.spare.push(counts);
+            // Damaged frames may come without end.
+            let waited_ms = (Monotonic.now().0 - began.0) * 1e3;
+            if Monotonic.now() > deadline {
+                return Err(RigError::NoFrame { waited_ms });
+            }
         }
     }
 
@@ -217,11 +231,21 @@ impl Camera for V4l2Camera {
     }
 
     fn expose_times(&mut self, times: f64) -> Result<bool, RigError> {
-        let Some(ring) = &self.ring else {
+        let Some(ring) = &mut self.ring else {
             return Err(gone("it was lost and is not open".to_owned()));
         };
+        let exposure = &self.settings.exposure;
+        // uvcvideo refuses another interval while it streams.
+        let restarts = needs_longer_interval(ring.node(), exposure, times);
+        if restarts {
+            ring.pause().map_err(|cause| gone(cause.to_string()))?;
+        }
         let node = self.opened.sensor.as_ref().unwrap_or(ring.node());
-        let is_set = expose(node, &node.controls(), &self.settings.exposure, times)?;
+        let is_set = expose(node, &node.controls(), exposure, times)?;
+        if restarts {
+            ring.resume().map_err(|cause| gone(cause.to_string()))?;
+            self.last_sequence = None;
+        }
         if is_set {
             self.exposure_times = times;
             self.opened.interval_s = interval(ring.node(), &self.settings, times);
@@ -273,12 +297,18 @@ fn interval(node: &Node, settings: &CameraSettings, times: f64) -> Option<f64> {
 fn start(settings: &CameraSettings) -> Result<(Ring, Opened), RigError> {
     let (node, sensor) = match &settings.name {
         CameraName::Graph(graph) => {
-            let media::SetUp { capture, sensor } = media::set_up(graph, settings.size)?;
+            starts::check(graph)?;
+            let media::SetUp { capture, sensor } =
+                media::set_up(graph, settings.size, &settings.controls)?;
             (capture, sensor)
         }
         CameraName::Link(path) => (by_link(path)?, None),
         CameraName::Card(card) => (by_card(card)?, None),
     };
+    if !matches!(settings.name, CameraName::Graph(_)) {
+        await_controls(&node, &settings.controls);
+        settle_orientation(&node, &settings.controls)?;
+    }
     let settled = settle_format(&node, settings)?;
     let controlled = sensor.as_ref().unwrap_or(&node);
     let missing = settle_controls(controlled, &settings.exposure, &settings.controls)?;
@@ -295,26 +325,41 @@ fn start(settings: &CameraSettings) -> Result<(Ring, Opened), RigError> {
         sensor,
         interval_s: interval(&node, settings, 1.0),
     };
-    let ring = Ring::start(node, settings.buffers).map_err(|source| {
-        let is_pipe = rustix::io::Errno::from_io_error(&source) == Some(rustix::io::Errno::PIPE);
-        match &settings.name {
-            // EPIPE: the pads of a link differ, or there is no link.
-            CameraName::Graph(graph) if is_pipe => RigError::Refused {
-                device: "camera",
-                found: format!(
-                    "media graph: no path from the sensor to {:?} with matching pads",
-                    graph.capture
-                ),
-                allowed: format!(
-                    "enabled links along the path, and the format of {} of {} at every pad",
-                    settings.format.code(),
-                    settings.size
-                ),
-            },
-            _ => busy_or(source, "start the stream"),
-        }
-    })?;
+    let frame_bytes = settings.format.frame_bytes(settings.size, opened.stride_bytes);
+    let started = Ring::start(node, settings.buffers, frame_bytes);
+    let ring = started.map_err(|source| start_failed(settings, source))?;
+    if let CameraName::Graph(graph) = &settings.name {
+        starts::record(graph, true);
+    }
     Ok((ring, opened))
+}
+
+/// Error of a stream that did not start.
+fn start_failed(settings: &CameraSettings, source: std::io::Error) -> RigError {
+    let is_pipe = rustix::io::Errno::from_io_error(&source) == Some(rustix::io::Errno::PIPE);
+    match &settings.name {
+        // EPIPE: the pads of a link differ, or there is no link.
+        CameraName::Graph(graph) if is_pipe => RigError::Refused {
+            device: "camera",
+            found: format!(
+                "media graph: no path from the sensor to {:?} with matching pads",
+                graph.capture
+            ),
+            allowed: format!(
+                "enabled links along the path, and the format of {} of {} at every pad",
+                settings.format.code(),
+                settings.size
+            ),
+        },
+        CameraName::Graph(graph) => {
+            let failure = busy_or(source, "start the stream");
+            if matches!(failure, RigError::Failed { .. }) {
+                starts::record(graph, false);
+            }
+            starts::check(graph).err().unwrap_or(failure)
+        }
+        _ => busy_or(source, "start the stream"),
+    }
 }
 
 fn settle_format(node: &Node, settings: &CameraSettings) -> Result<Settled, RigError> {

@@ -6,8 +6,12 @@ use std::io;
 use std::ops::Deref;
 use std::os::fd::{AsFd, AsRawFd};
 
+#[cfg(test)]
+pub(super) use super::tests::kernel::ioctl;
 use v4l::v4l_sys as sys;
-use v4l::v4l2::{ioctl, vidioc};
+#[cfg(not(test))]
+pub(super) use v4l::v4l2::ioctl;
+use v4l::v4l2::vidioc;
 
 const CAPTURE: u32 = sys::v4l2_buf_type_V4L2_BUF_TYPE_VIDEO_CAPTURE;
 const MMAP: u32 = sys::v4l2_memory_V4L2_MEMORY_MMAP;

@@ -18,21 +18,36 @@ pub(super) const BUFFERS_MAX: usize = 8;
 pub(super) struct Ring {
     buffers: heapless::Vec<Buffer, BUFFERS_MAX>,
     node: Node,
+    /// Bytes of a whole frame; 0 where frames differ in length.
+    frame_bytes: usize,
 }
 
 impl Ring {
     /// Requests `count` buffers (the driver may give another number), queues them, and starts the
     /// stream.
-    pub(super) fn start(node: Node, count: usize) -> io::Result<Self> {
+    pub(super) fn start(node: Node, count: usize, frame_bytes: usize) -> io::Result<Self> {
         let count = node.request_buffers(count.clamp(2, BUFFERS_MAX) as u32)?;
-        let mut ring = Ring { buffers: heapless::Vec::new(), node };
+        let mut ring = Ring { buffers: heapless::Vec::new(), node, frame_bytes };
         // Buffers beyond the capacity are never queued.
         for index in 0..count.min(BUFFERS_MAX as u32) {
-            let buffer = ring.node.queue_new(index)?;
+            let buffer = ring.node.map(index)?;
             let _ = ring.buffers.push(buffer);
         }
-        ring.node.stream(true)?;
+        ring.resume()?;
         Ok(ring)
+    }
+
+    /// Queues all buffers and starts the stream.
+    pub(super) fn resume(&mut self) -> io::Result<()> {
+        for buffer in &mut self.buffers {
+            self.node.queue(buffer, self.frame_bytes)?;
+        }
+        self.node.stream(true)
+    }
+
+    /// Stops the stream and takes all buffers back; frames in them are lost.
+    pub(super) fn pause(&self) -> io::Result<()> {
+        self.node.stream(false)
     }
 
     /// Node of the stream.
@@ -71,9 +86,18 @@ impl Ring {
         self.buffers.get(filled.index()).map_or(&[], |buffer| buffer.bytes(filled))
     }
 
+    /// Whether the lower rows of a frame are missing.
+    pub(super) fn is_torn(&self, filled: &Filled) -> bool {
+        let buffer = self.buffers.get(filled.index());
+        buffer.is_some_and(|buffer| buffer.is_torn(filled, self.frame_bytes))
+    }
+
     /// Returns a buffer to the driver.
     pub(super) fn give_back(&mut self, filled: Filled) -> io::Result<()> {
-        self.node.queue_again(filled)
+        match self.buffers.get_mut(filled.index()) {
+            Some(buffer) => self.node.queue(buffer, self.frame_bytes),
+            None => Ok(()),
+        }
     }
 }
 

@@ -7,10 +7,10 @@ use std::os::fd::{AsFd, AsRawFd, BorrowedFd, OwnedFd};
 use std::path::Path;
 
 use rustix::fs::{Mode, OFlags};
-use v4l::v4l2::{ioctl, vidioc};
+use v4l::v4l2::vidioc;
 
 use super::super::kernel::text;
-use super::super::request::{Request, Zeroable, call, zeroed};
+use super::super::request::{Request, Zeroable, call, ioctl, zeroed};
 
 /// Limit of entities, pads, links or interfaces: far more than on any board. Guess.
 const OBJECTS_MAX: u32 = 4096;
@@ -212,9 +212,16 @@ pub(super) fn set_pad_format(node: &impl AsFd, wanted: PadSetting) -> io::Result
     Ok(setting)
 }
 
-/// Request for a size and bus format of `pad`, progressive (`V4L2_FIELD_NONE`).
-pub(super) fn wish(pad: u32, size: (u32, u32), code: u32) -> PadSetting {
-    PadSetting { pad, width: size.0, height: size.1, code, field: 1, ..zeroed() }
+/// Request for a size and bus format of `pad`, progressive (`V4L2_FIELD_NONE`), with the colours
+/// `before` it, or the driver's own.
+pub(super) fn wish(
+    pad: u32,
+    size: (u32, u32),
+    code: u32,
+    before: Option<PadSetting>,
+) -> PadSetting {
+    let before = before.unwrap_or(zeroed());
+    PadSetting { pad, width: size.0, height: size.1, code, field: 1, ..before }
 }
 
 #[cfg(test)]
@@ -253,7 +260,7 @@ mod tests {
             null.objects().err().unwrap(),
             null.set_link(link_end(1, 0), link_end(2, 0), ENABLED).unwrap_err(),
             pad_format(&null, 0).err().unwrap(),
-            set_pad_format(&null, wish(0, (640, 480), 0x3001)).err().unwrap(),
+            set_pad_format(&null, wish(0, (640, 480), 0x3001, None)).err().unwrap(),
         ] {
             let errno = rustix::io::Errno::from_io_error(&error);
             assert_eq!(errno, Some(rustix::io::Errno::NOTTY));

@@ -4,23 +4,23 @@
 mod graph;
 mod kernel;
 
-use std::path::{Path, PathBuf};
+use std::fmt::Write;
 
-use rustix::fs::{makedev, stat};
+use rustix::fs::readlink;
 
-use self::graph::{Entity, Graph, refused};
+use self::graph::{Entity, Graph, Way, refused};
 use self::kernel::{ENABLED, MediaDevice, PadSetting, link_end, pad_format, set_pad_format, wish};
-use super::finding::{busy_or, gone};
+use super::controls::settle_orientation;
+use super::describe::describe_controls;
+use super::finding::{busy_or, gone, root};
 use super::kernel::Node;
 
-use crate::config::{MediaGraph, PadFormat, bus_format, bus_format_name};
+use crate::config::{MediaGraph, MediaLink, PadFormat, bus_format, bus_format_name};
 use crate::frame::Size;
 use crate::rig::RigError;
 
 /// Media devices searched.
 const MEDIA_MAX: usize = 32;
-/// Device nodes searched per kind.
-const NODES_MAX: usize = 256;
 
 /// Nodes of a configured graph.
 pub(super) struct SetUp {
@@ -30,37 +30,29 @@ pub(super) struct SetUp {
     pub(super) sensor: Option<Node>,
 }
 
-/// Sets links and formats for pictures of `size`.
+/// Sets links, the sensor's orientation, and formats for pictures of `size`, in this order: a
+/// sensor's format may follow its flips. Other links that can be changed are disabled, since
+/// rp1-cfe delivers no frame until every node with an enabled link streams, and `rpicam-apps` leave
+/// such links behind. `controls` are the rig file's.
 ///
 /// # Errors
 /// [`RigError::Gone`] without such a media device, [`RigError::Held`] while another program streams
 /// through it, [`RigError::Refused`] if an entity or link is missing, or a link or pad refuses its
 /// setting.
-pub(super) fn set_up(wanted: &MediaGraph, size: Size) -> Result<SetUp, RigError> {
+pub(super) fn set_up(
+    wanted: &MediaGraph,
+    size: Size,
+    controls: &[(String, i32)],
+) -> Result<SetUp, RigError> {
     let (device, graph) = find(wanted)?;
-    for link in &wanted.link {
-        let way = graph.way(&link.from, &link.to)?;
-        if way.is_on() == link.on {
-            continue;
-        }
-        let refusal = |cause: &str| {
-            let state = if link.on { "enabled" } else { "disabled" };
-            refused(format!("link from {} to {} {state}", link.from, link.to), cause.to_owned())
-        };
-        if way.is_fixed() {
-            return Err(refusal("no change, since the link is immutable"));
-        }
-        let [from, to] = [way.from, way.to].map(|end| link_end(end.entity, end.pad));
-        let flags = (way.flags & !ENABLED) | if link.on { ENABLED } else { 0 };
-        device.set_link(from, to, flags).map_err(
-            |source| match rustix::io::Errno::from_io_error(&source) {
-                Some(rustix::io::Errno::BUSY) => busy_or(source, "set a link of its media graph"),
-                _ => refusal(&format!("other links (the driver reports: {source})")),
-            },
-        )?;
-    }
+    set_links(&device, &graph, &wanted.link)?;
+    let sensor = wanted.sensor.as_deref().map(|name| open(graph.entity(name)?)).transpose()?;
+    let capture = graph.entity(&wanted.capture)?;
+    let node = open(capture)?;
+    settle_orientation(sensor.as_ref().unwrap_or(&node), controls)?;
+    let mut before = None;
     for format in &wanted.format {
-        settle_pad(&graph, format, size)?;
+        before = Some(settle_pad(&graph, format, size, before)?);
     }
     // A later pad may have changed an earlier one.
     for format in &wanted.format {
@@ -69,9 +61,6 @@ pub(super) fn set_up(wanted: &MediaGraph, size: Size) -> Result<SetUp, RigError>
             .map_err(|source| busy_or(source, "read a format of its media graph"))?;
         compare(format, size, &found)?;
     }
-    let sensor = wanted.sensor.as_deref().map(|name| open(graph.entity(name)?)).transpose()?;
-    let capture = graph.entity(&wanted.capture)?;
-    let node = open(capture)?;
     match node.identity() {
         Ok(identity) if identity.streams_pictures => Ok(SetUp { capture: node, sensor }),
         _ => Err(refused(
@@ -81,16 +70,81 @@ pub(super) fn set_up(wanted: &MediaGraph, size: Size) -> Result<SetUp, RigError>
     }
 }
 
+/// Disables the links that are not `wanted`, then sets the others.
+fn set_links(device: &MediaDevice, graph: &Graph, wanted: &[MediaLink]) -> Result<(), RigError> {
+    let mut changes = Vec::new();
+    for link in wanted {
+        changes.push((graph.way(&link.from, &link.to)?, link.on));
+    }
+    let is_listed = |way: &Way| changes.iter().any(|(one, _)| one == way);
+    let others = graph.ways.iter().filter(|way| !way.is_fixed() && !is_listed(way));
+    let mut all: Vec<(Way, bool)> = others.map(|way| (*way, false)).collect();
+    all.extend(changes);
+    // A pad may have one enabled link.
+    all.sort_by_key(|&(_, on)| on);
+    for (way, on) in all.into_iter().filter(|(way, on)| way.is_on() != *on) {
+        let refusal = |cause: &str| {
+            let state = if on { "enabled" } else { "disabled" };
+            refused(format!("link from {} {state}", graph.spelled(&way)), cause.to_owned())
+        };
+        if way.is_fixed() {
+            return Err(refusal("no change, since the link is immutable"));
+        }
+        let [from, to] = [way.from, way.to].map(|end| link_end(end.entity, end.pad));
+        let flags = (way.flags & !ENABLED) | if on { ENABLED } else { 0 };
+        device.set_link(from, to, flags).map_err(
+            |source| match rustix::io::Errno::from_io_error(&source) {
+                Some(rustix::io::Errno::BUSY) => busy_or(source, "set a link of its media graph"),
+                _ => refusal(&format!("other links (the driver reports: {source})")),
+            },
+        )?;
+    }
+    Ok(())
+}
+
+/// Writes the graphs of all media devices: links, formats of pads, and controls of subdevices.
+///
+/// # Errors
+/// When `text` takes no more.
+pub(super) fn describe(text: &mut impl Write) -> std::fmt::Result {
+    for number in 0..MEDIA_MAX {
+        let Ok(device) = MediaDevice::open(&root().join(format!("dev/media{number}"))) else {
+            continue;
+        };
+        let (Ok(driver), Ok(objects)) = (device.driver(), device.objects()) else { continue };
+        let graph = Graph::of(&objects);
+        writeln!(text, "media{number}: {driver}")?;
+        for way in &graph.ways {
+            let state = if way.is_on() { "on" } else { "off" };
+            let fixed = if way.is_fixed() { ", immutable" } else { "" };
+            writeln!(text, "  {}: {state}{fixed}", graph.spelled(way))?;
+        }
+        for entity in &graph.entities {
+            let Ok(node) = open(entity) else { continue };
+            writeln!(text, " {}", entity.name)?;
+            for pad in graph.pads(entity) {
+                if let Ok(PadSetting { width, height, code, colours, .. }) = pad_format(&node, pad)
+                {
+                    let code = bus_format_name(code);
+                    writeln!(text, "  pad {pad}: {code} of {width}×{height}, colours {colours}")?;
+                }
+            }
+            describe_controls(&node, text)?;
+        }
+    }
+    Ok(())
+}
+
 /// Finds the media device of the driver whose graph has all named entities.
 fn find(wanted: &MediaGraph) -> Result<(MediaDevice, Graph), RigError> {
     let (mut others, mut refusal, mut found) = (Vec::new(), None, None);
     for number in 0..MEDIA_MAX {
-        let path = format!("/dev/media{number}");
-        let device = match MediaDevice::open(Path::new(&path)) {
+        let path = root().join(format!("dev/media{number}"));
+        let device = match MediaDevice::open(&path) {
             Ok(device) => device,
             Err(cause) => {
                 if cause.kind() != std::io::ErrorKind::NotFound {
-                    others.push(format!("{path}, which cannot be opened ({cause})"));
+                    others.push(format!("{}, which cannot be opened ({cause})", path.display()));
                 }
                 continue;
             }
@@ -100,7 +154,8 @@ fn find(wanted: &MediaGraph) -> Result<(MediaDevice, Graph), RigError> {
             others.push(format!("{driver:?}"));
             continue;
         }
-        let objects = device.objects().map_err(|cause| gone(format!("{path}: {cause}")))?;
+        let objects =
+            device.objects().map_err(|cause| gone(format!("{}: {cause}", path.display())))?;
         let graph = Graph::of(&objects);
         match wanted.entities().try_for_each(|name| graph.entity(name).map(|_| ())) {
             Ok(()) if found.is_some() => {
@@ -121,13 +176,10 @@ fn find(wanted: &MediaGraph) -> Result<(MediaDevice, Graph), RigError> {
 /// Opens the device node of an entity.
 fn open(entity: &Entity) -> Result<Node, RigError> {
     let path = entity.node.and_then(|(major, minor)| {
-        let names = ["/dev/video", "/dev/v4l-subdev"];
-        let mut paths =
-            names.iter().flat_map(|name| (0..NODES_MAX).map(move |n| format!("{name}{n}")));
-        let is_it = |path: &String| {
-            stat(path.as_str()).is_ok_and(|found| found.st_rdev == makedev(major, minor))
-        };
-        paths.find(is_it).map(PathBuf::from)
+        // A link to the device's folder, which has the name of its node.
+        let folder = readlink(root().join(format!("sys/dev/char/{major}:{minor}")), Vec::new());
+        let folder = folder.ok()?.into_string().ok()?;
+        Some(root().join("dev").join(folder.rsplit('/').next()?))
     });
     let path = path.ok_or_else(|| {
         refused(
@@ -138,10 +190,16 @@ fn open(entity: &Entity) -> Result<Node, RigError> {
     Node::open(&path).map_err(|cause| gone(format!("{}: {cause}", path.display())))
 }
 
-fn settle_pad(graph: &Graph, format: &PadFormat, size: Size) -> Result<(), RigError> {
+/// Sets the format of a pad, with the colours of the pad `before` it.
+fn settle_pad(
+    graph: &Graph,
+    format: &PadFormat,
+    size: Size,
+    before: Option<PadSetting>,
+) -> Result<PadSetting, RigError> {
     let (entity, pad) = graph.pad(&format.pad)?;
     let code = bus_format(&format.code).unwrap_or_default();
-    let wanted = wish(pad, (size.width as u32, size.height as u32), code);
+    let wanted = wish(pad, (size.width as u32, size.height as u32), code, before);
     let settled = set_pad_format(&open(entity)?, wanted).map_err(|source| {
         match rustix::io::Errno::from_io_error(&source) {
             Some(rustix::io::Errno::INVAL) => {
@@ -150,7 +208,8 @@ fn settle_pad(graph: &Graph, format: &PadFormat, size: Size) -> Result<(), RigEr
             _ => busy_or(source, "take a format in its media graph"),
         }
     })?;
-    compare(format, size, &settled)
+    compare(format, size, &settled)?;
+    Ok(settled)
 }
 
 /// Checks the format of a pad.

@@ -1,0 +1,49 @@
+//! Failed starts of boards' cameras. After a second one the rig calls its operator: rp1-cfe brings
+//! the kernel down when a sensor fails to start with its front end unused (raspberrypi/linux, issue
+//! 7398).
+
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+use crate::config::MediaGraph;
+use crate::rig::RigError;
+
+/// Failed starts before the sensor is left alone until the program is started again.
+const FAILURES_MAX: usize = 2;
+
+/// Sensors that failed to start, once for each failure since the last success.
+static FAILED: Mutex<Vec<String>> = Mutex::new(Vec::new());
+
+fn failed() -> MutexGuard<'static, Vec<String>> {
+    FAILED.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+fn name(graph: &MediaGraph) -> &String {
+    graph.sensor.as_ref().unwrap_or(&graph.capture)
+}
+
+/// Checks that the sensor of `graph` may be started.
+///
+/// # Errors
+/// [`RigError::Refused`] after the last failure allowed.
+pub(super) fn check(graph: &MediaGraph) -> Result<(), RigError> {
+    let failures = failed().iter().filter(|one| *one == name(graph)).count();
+    if failures < FAILURES_MAX {
+        return Ok(());
+    }
+    Err(RigError::Refused {
+        device: "camera",
+        found: format!("{:?}, which failed to start {failures} times", name(graph)),
+        allowed: "a sensor that starts: switch the board off, press the ribbon into both sockets, \
+                  and switch the board on"
+            .to_owned(),
+    })
+}
+
+/// Records the outcome of a start.
+pub(super) fn record(graph: &MediaGraph, has_started: bool) {
+    let mut failed = failed();
+    match has_started {
+        true => failed.retain(|one| one != name(graph)),
+        false => failed.push(name(graph).clone()),
+    }
+}
