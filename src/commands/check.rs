@@ -1,31 +1,39 @@
 //! `relens check`: faults of devices, calibration and timing, and their remedies.
 
-use clap::Args;
+use std::path::{Path, PathBuf};
+
+use clap::{Args, ValueHint};
 use relens::calibration::store;
-use relens::config;
+use relens::config::{self, RigFile};
 use relens::diagnosis;
 use relens::pipeline::Pipeline;
 use relens::remedy::full_message;
 use relens::restorer::operating_point;
 
+use super::board;
 use super::error::CliError;
+use super::new_file;
 use super::opening;
 use super::options::{FolderOption, RigOption};
 use super::output::say;
 
 /// Check devices, timing and calibration, and advise on faults
 ///
-/// Opens the devices, measures the panel's latency and settle time, and reads the calibration and
-/// the operating point.
+/// Opens the devices, measures the panel's latency, settle time and range, and reads the
+/// calibration and the operating point.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
-  relens check --rig RIG.toml --folder DIR")]
+  relens check --rig RIG.toml --folder DIR
+  relens check --rig RIG.toml --report board.txt")]
 pub(super) struct CheckOptions {
     #[command(flatten)]
     rig: RigOption,
     #[command(flatten)]
     folder: FolderOption,
+    /// Describe board and findings in a new file, without serial numbers
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
+    report: Option<PathBuf>,
 }
 
 /// Runs `relens check`.
@@ -34,10 +42,43 @@ pub(super) struct CheckOptions {
 /// When a device cannot be opened, or the faults found.
 pub(super) fn run(options: &CheckOptions) -> Result<(), CliError> {
     let rig = &config::load(&options.rig.rig)?;
+    let Some(out) = &options.report else {
+        return examine(options, rig, &mut CheckLines::default());
+    };
+    new_file::must_be_new(out)?;
+    let mut findings = CheckLines(board::describe(Path::new("/")));
+    let outcome = examine(options, rig, &mut findings);
+    if let Err(error) = &outcome {
+        findings.0.push_str(&format!("{error}\n"));
+    }
+    new_file::write_new(out, findings.0.as_bytes())?;
+    outcome
+}
+
+/// Lines for the terminal, kept for a report.
+#[derive(Default)]
+struct CheckLines(String);
+
+impl CheckLines {
+    fn say(&mut self, lines: &str) {
+        say(lines);
+        self.0.push_str(lines);
+        self.0.push('\n');
+    }
+
+    fn row(&mut self, name: &str, value: &str) {
+        self.say(&format!("{name:<28}{value}"));
+    }
+}
+
+/// Checks the devices and the calibration of `rig`.
+fn examine(options: &CheckOptions, rig: &RigFile, found: &mut CheckLines) -> Result<(), CliError> {
+    let mut faults = rig.warnings();
+    faults.extend(board::edid_fault(Path::new("/"), rig));
     let mut devices = opening::devices(&diagnosis::patient(rig))?;
     let sizes = format!("{} panel, {} camera", devices.panel.size(), devices.camera.size());
-    row("devices", &sizes);
-    row(
+    found.row("devices", &sizes);
+    found.row(
         "frame marks",
         match devices.has_marks() {
             true => "found: each frame is identified",
@@ -45,35 +86,37 @@ pub(super) fn run(options: &CheckOptions) -> Result<(), CliError> {
         },
     );
     let timing = diagnosis::measure(&mut devices, rig).map_err(CliError::of)?;
-    say(timing.to_string().trim_end());
-    let mut faults = rig.warnings();
+    found.say(timing.to_string().trim_end());
     faults.extend(timing.faults());
+    let range = diagnosis::measure_range(&mut devices, rig).map_err(CliError::of)?;
+    found.row("range", &range.to_string());
+    faults.extend(range.fault());
+    let rejected = devices.rejected();
+    if rejected.mistimed > 0 {
+        found.row("pulses of wrong length", &rejected.mistimed.to_string());
+    }
     let kept = opening::calibration_folder(&options.folder.folder);
     match store::load(&kept, rig.identity) {
         Ok(calibration) => {
             let (generation, captures) = (calibration.generation, calibration.captures);
-            row("calibration", &format!("generation {generation}, {captures} captures"));
+            found.row("calibration", &format!("generation {generation}, {captures} captures"));
             faults.extend(calibration.warning());
             Pipeline::new(rig, &calibration).map_err(CliError::of)?;
         }
         Err(error) => {
-            row("calibration", "none that can be used");
+            found.row("calibration", "none that can be used");
             faults.push(full_message(&error));
         }
     }
     match operating_point::load(&kept, rig) {
         Ok(None) => {}
-        Ok(Some(chosen)) => row("operating point", &chosen.to_string()),
+        Ok(Some(chosen)) => found.row("operating point", &chosen.to_string()),
         Err(error) => faults
             .push(format!("no operating point: {}; run `relens calibrate`", full_message(&error))),
     }
     if !faults.is_empty() {
         return Err(CliError::Faults(faults));
     }
-    say("no faults found");
+    found.say("no faults found");
     Ok(())
-}
-
-fn row(name: &str, value: &str) {
-    say(&format!("{name:<28}{value}"));
 }

@@ -3,6 +3,7 @@
 
 mod align;
 mod arguments;
+mod board;
 mod calibrate;
 mod chart;
 mod check;

@@ -4,12 +4,16 @@
 //! panel began to change and when it settled. (Psychtoolbox's VideoCaptureLatencyTest does the same
 //! with ten trials.)
 
-use std::fmt;
+mod range;
 
+use std::fmt;
+use std::ops::Range;
+
+pub use self::range::{MeasuredRange, measure_range};
 use crate::config::RigFile;
-use crate::frame::{Channel, Codes};
+use crate::frame::{Channel, Codes, Plane};
 use crate::rig::exposure::Devices;
-use crate::rig::{Moment, RigError};
+use crate::rig::{Exposed, Moment, RigError};
 
 /// Least level of white, of the largest count; below it three of the sensor's bits are lost. Guess.
 const WHITE_MIN: f64 = 0.125;
@@ -152,23 +156,33 @@ fn after(rig: &mut Devices, code: u8, settle_ms: f64) -> Result<Levels, RigError
 
 /// The levels in an exposure begun at `moment`, or a later one if that frame is lost.
 fn levels_at(rig: &mut Devices, moment: Moment) -> Result<Levels, RigError> {
+    let exposed = exposed_at(rig, moment)?;
+    let plane = exposed.counts.plane(Channel::Green);
+    let (width, height) = (plane.width(), plane.height());
+    Ok(std::array::from_fn(|band| {
+        let rows = band * height / BANDS..(band + 1) * height / BANDS;
+        mean(plane, rows, width * 3 / 8..width * 5 / 8)
+    }))
+}
+
+/// Mean of a rectangle.
+fn mean(plane: &Plane<u16>, rows: Range<usize>, columns: Range<usize>) -> f64 {
+    let counts = rows.flat_map(|y| &plane.row(y)[columns.clone()]);
+    let (sum, count) =
+        counts.fold((0.0, 0.0), |(sum, count), &v| (sum + f64::from(v), count + 1.0));
+    sum / f64::max(count, 1.0)
+}
+
+/// An exposure begun at `moment`, or a later one if that frame is lost.
+fn exposed_at(rig: &mut Devices, moment: Moment) -> Result<Exposed, RigError> {
     rig.clock.wait_until(moment);
-    let fired = rig.trigger.fire()?;
+    let fired = rig.pulse()?;
     let deadline = Moment(fired.0 + rig.timing.deadline_ms / 1e3);
     loop {
         let exposed = rig.camera.frame(deadline)?;
-        if exposed.at < fired {
-            continue;
+        if exposed.at >= fired {
+            return Ok(exposed);
         }
-        let plane = exposed.counts.plane(Channel::Green);
-        let (width, height) = (plane.width(), plane.height());
-        return Ok(std::array::from_fn(|band| {
-            let rows = band * height / BANDS..(band + 1) * height / BANDS;
-            let middle = rows.flat_map(|y| &plane.row(y)[width * 3 / 8..width * 5 / 8]);
-            let (sum, count) =
-                middle.fold((0.0, 0.0), |(sum, count), &v| (sum + f64::from(v), count + 1.0));
-            sum / f64::max(count, 1.0)
-        }));
     }
 }
 
@@ -252,7 +266,7 @@ mod tests {
     #[test]
     #[ignore = "a minute: the gate runs it"]
     fn the_simulated_panel_s_timing_is_measured() {
-        let text = include_str!("../rig-config/small.toml");
+        let text = include_str!("../../rig-config/small.toml");
         let text = text.replacen(
             "margin-px = 8",
             "margin-px = 8\n\n[marks]\nfrom-edge-px = 1\nheight-px = 4",
