@@ -4,8 +4,6 @@
 use std::fmt::Write;
 use std::path::Path;
 
-use relens::config::{Kind, RigFile};
-
 /// Words of the kernel's command line in a report; others may hold addresses and identities.
 const CMDLINE: [&str; 6] = ["video=", "drm", "consoleblank", "imx296", "usbcore", "cma="];
 
@@ -18,12 +16,10 @@ const FILES: [&str; 5] = [
     "sys/module/uvcvideo/version",
 ];
 
-/// Fault of a monitor's description stored for `rig`'s connector (`drm.edid_firmware` on the
-/// command line of the running kernel) under `root`: without a monitor the kernel needs the file
+/// Fault of a monitor's description stored for `connector` (`drm.edid_firmware` on the command line
+/// of the running kernel) under `root`: without a monitor the kernel needs the file
 /// before the disk is mounted.
-pub(super) fn edid_fault(root: &Path, rig: &RigFile) -> Option<String> {
-    let Kind::Hardware(hardware) = &rig.kind else { return None };
-    let connector = &hardware.panel.connector;
+pub(super) fn edid_fault(root: &Path, connector: &str) -> Option<String> {
     let cmdline = std::fs::read_to_string(root.join("proc/cmdline")).unwrap_or_default();
     let words = cmdline.split_whitespace().filter_map(|word| word.split_once("edid_firmware="));
     let own = |entry: &str| match entry.split_once(':') {
@@ -88,8 +84,6 @@ mod tests {
 
     #[test]
     fn a_stored_description_that_the_kernel_does_not_use_is_a_fault() {
-        let text = include_str!("../../rig-config/raspberry-pi-5.toml");
-        let rig = relens::config::parse(text, "rig.toml").unwrap_or_else(|e| panic!("{e}"));
         let of = "consoleblank=0 drm.edid_firmware=HDMI-A-1:edid/panel.bin root=PARTUUID=8a-02";
         let other = "drm.edid_firmware=HDMI-A-2:edid/panel.bin";
         for (cmdline, stored, words) in [
@@ -100,7 +94,7 @@ mod tests {
             (of, Some(&b"monitor two"[..]), Some("initramfs")),
         ] {
             let root = board(cmdline, stored);
-            match (edid_fault(root.path(), &rig), words) {
+            match (edid_fault(root.path(), "HDMI-A-1"), words) {
                 (None, None) => {}
                 (Some(fault), Some(words)) => assert!(fault.contains(words), "{fault}"),
                 (fault, _) => panic!("{cmdline}: {fault:?}"),

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueHint};
 use relens::calibration::store;
-use relens::config::{self, RigFile};
+use relens::config::{self, Kind, RigFile};
 use relens::diagnosis;
 use relens::pipeline::Pipeline;
 use relens::remedy::full_message;
@@ -74,7 +74,9 @@ impl CheckLines {
 /// Checks the devices and the calibration of `rig`.
 fn examine(options: &CheckOptions, rig: &RigFile, found: &mut CheckLines) -> Result<(), CliError> {
     let mut faults = rig.warnings();
-    faults.extend(board::edid_fault(Path::new("/"), rig));
+    if let Kind::Hardware(hardware) = &rig.kind {
+        faults.extend(board::edid_fault(Path::new("/"), &hardware.panel.connector));
+    }
     let mut devices = opening::devices(&diagnosis::patient(rig))?;
     let sizes = format!("{} panel, {} camera", devices.panel.size(), devices.camera.size());
     found.row("devices", &sizes);

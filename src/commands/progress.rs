@@ -3,20 +3,19 @@
 //! Nothing is drawn where standard error is no terminal, or one that cannot move its cursor
 //! (`TERM=dumb`). There are no colours.
 
-use std::io::IsTerminal;
+use std::io::{IsTerminal, Result};
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use console::{Term, truncate_str};
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use console::Term;
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle, TermLike};
 use relens::daemon::{self, Doing, Watcher};
 use relens::measurement::CalibrationProgress;
 
 use super::service::service_manager;
 
-/// Columns of the bar, and those kept free, where terminals echo `^C`, so that it is cleared with
-/// the line.
-const BAR_COLUMNS: u16 = 18 + 4;
+/// Columns kept free, where terminals echo `^C`, so that it is cleared with the line.
+const ECHO_COLUMNS: u16 = 4;
 
 static QUIET: AtomicBool = AtomicBool::new(false);
 
@@ -28,6 +27,46 @@ pub(super) fn be_quiet() {
 /// Whether output but warnings and errors is suppressed.
 pub(super) fn is_quiet() -> bool {
     QUIET.load(Ordering::Relaxed)
+}
+
+/// A terminal, with its width reduced by [`ECHO_COLUMNS`].
+#[derive(Debug)]
+struct Narrowed(Term);
+
+impl TermLike for Narrowed {
+    fn width(&self) -> u16 {
+        // `COLUMNS` is for terminals that do not report their width.
+        let stated = std::env::var("COLUMNS").ok().and_then(|columns| columns.parse().ok());
+        let columns: u16 = stated.filter(|&columns| columns > 0).unwrap_or(self.0.size().1);
+        columns.saturating_sub(ECHO_COLUMNS).max(1)
+    }
+    fn height(&self) -> u16 {
+        self.0.size().0
+    }
+    fn move_cursor_up(&self, n: usize) -> Result<()> {
+        self.0.move_cursor_up(n)
+    }
+    fn move_cursor_down(&self, n: usize) -> Result<()> {
+        self.0.move_cursor_down(n)
+    }
+    fn move_cursor_right(&self, n: usize) -> Result<()> {
+        self.0.move_cursor_right(n)
+    }
+    fn move_cursor_left(&self, n: usize) -> Result<()> {
+        self.0.move_cursor_left(n)
+    }
+    fn write_line(&self, line: &str) -> Result<()> {
+        self.0.write_line(line)
+    }
+    fn write_str(&self, text: &str) -> Result<()> {
+        self.0.write_str(text)
+    }
+    fn clear_line(&self) -> Result<()> {
+        self.0.clear_line()
+    }
+    fn flush(&self) -> Result<()> {
+        self.0.flush()
+    }
 }
 
 /// Whether progress is drawn: on a terminal that can, and without `--quiet`.
@@ -42,11 +81,15 @@ fn bar() -> &'static ProgressBar {
     static BAR: OnceLock<ProgressBar> = OnceLock::new();
     BAR.get_or_init(|| {
         let target = match is_drawn() {
-            true => ProgressDrawTarget::stderr(),
+            true => ProgressDrawTarget::term_like_with_hz(
+                Box::new(Narrowed(Term::buffered_stderr())),
+                20,
+            ),
             false => ProgressDrawTarget::hidden(),
         };
         let bar = ProgressBar::with_draw_target(Some(1), target);
-        if let Ok(style) = ProgressStyle::with_template("{bar:10} {percent:>3} %  {msg}") {
+        // The message takes the remaining width, and is cut there.
+        if let Ok(style) = ProgressStyle::with_template("{bar:10} {percent:>3} %  {wide_msg}") {
             bar.set_style(style.progress_chars("█░"));
         }
         bar.finish_and_clear();
@@ -66,9 +109,7 @@ pub(super) fn show(done: u64, all: u64, doing: &str) {
         state.set_pos(done.min(all));
     });
     let safe = |c: char| if c.is_control() { '\u{fffd}' } else { c };
-    let doing: String = doing.chars().map(safe).collect();
-    let room = Term::stderr().size().1.saturating_sub(BAR_COLUMNS);
-    bar.set_message(truncate_str(&doing, room.into(), "").into_owned());
+    bar.set_message(doing.chars().map(safe).collect::<String>());
 }
 
 /// Clears the line until the next [`show`].

@@ -39,8 +39,11 @@ struct AnchorFolder {
 impl LocalDisk {
     /// The disk beneath `anchors`, which are absolute and without links.
     pub fn new(anchors: Vec<PathBuf>) -> LocalDisk {
-        let is_mount =
-            |path: &Path| disk_of(path).ok() != path.parent().and_then(|above| disk_of(above).ok());
+        // A folder that does not exist yet is no mount.
+        let is_mount = |path: &Path| {
+            let disks = path.parent().map(|above| (disk_of(path), disk_of(above)));
+            matches!(disks, Some((Ok(own), Ok(above))) if own != above)
+        };
         let anchor = |path: PathBuf| AnchorFolder { is_mount: is_mount(&path), path };
         LocalDisk { anchors: anchors.into_iter().map(anchor).collect() }
     }
@@ -329,6 +332,7 @@ mod tests {
         let error = on(true).list(&path).unwrap_err();
         assert_eq!(error.kind(), io::ErrorKind::NotFound);
         assert!(error.to_string().contains("is not mounted"), "{error}");
+        assert!(!LocalDisk::new(vec![path.join("absent")]).anchors[0].is_mount);
         assert!(!LocalDisk::new(vec![path]).anchors[0].is_mount);
         assert!(LocalDisk::new(vec!["/proc".into()]).anchors[0].is_mount);
     }

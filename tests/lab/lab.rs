@@ -18,6 +18,7 @@ mod judging;
 mod likeness;
 mod lines;
 mod made;
+mod pace;
 mod regimes;
 mod sized;
 mod speed_accuracy;
@@ -86,6 +87,8 @@ enum Experiment {
     Judging,
     /// Gain of captures over the measured lens alone
     Regimes,
+    /// Time and quality of the rig's own method
+    Pace,
     /// Speed against accuracy of the program's methods and a raw developer's sharpening
     SpeedAccuracy,
     /// Gain of captures where the measured lens is wrong
@@ -109,8 +112,8 @@ fn main() -> ExitCode {
 
 fn run(options: &Options) -> Result<(), Failure> {
     use Experiment::{
-        Colour, ColourCrops, Conditions, Figures, Jpeg, JpegFiles, Judging, Regimes, SpeedAccuracy,
-        Stability, Worth, WrongModels,
+        Colour, ColourCrops, Conditions, Figures, Jpeg, JpegFiles, Judging, Pace, Regimes,
+        SpeedAccuracy, Stability, Worth, WrongModels,
     };
     let Options { what, out, quick, rows, pictures, .. } = options;
     if let Some(group) = options.group {
@@ -147,6 +150,7 @@ fn run(options: &Options) -> Result<(), Failure> {
         (ColourCrops, _) => colour_crops::run(&rig),
         (Jpeg, _) => jpeg::run(&rig, *quick, pictures.as_deref()),
         (JpegFiles, _) => jpeg_files::run(&rig, *quick),
+        (Pace, _) => pace::run(&rig, *quick),
         (Regimes, _) => regimes::run(&rig),
         (Worth, _) => worth::run(&rig, *quick),
         (Figures, _) => figures::run(&rig, out),

@@ -39,7 +39,7 @@ impl Subject {
         }
     }
 
-    fn codes(self, size: Size) -> Frame<Work> {
+    pub(crate) fn codes(self, size: Size) -> Frame<Work> {
         match self {
             Subject::Of(scene) => scene.codes(size),
             Subject::Kept(n) => cut(&Frame::from_planes(embedded(KEPT[n].1)), size),

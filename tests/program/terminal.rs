@@ -53,7 +53,10 @@ fn on_terminal(
     let slave: OwnedFd =
         File::options().read(true).write(true).open(path.to_str().unwrap()).unwrap().into();
     let mut command = Command::new(env!("CARGO_BIN_EXE_relens"));
-    command.args(words).current_dir(folder).env("TERM", name).env("NO_COLOR", "1");
+    // Assignments before the command set the environment.
+    let set = words.iter().map_while(|word| word.split_once('=')).collect::<Vec<_>>();
+    command.args(&words[set.len()..]).current_dir(folder).env_remove("COLUMNS");
+    command.envs(set).env("TERM", name).env("NO_COLOR", "1");
     command.stdin(slave.try_clone().unwrap()).stdout(slave.try_clone().unwrap()).stderr(slave);
     let mut child = command.spawn().unwrap();
     // The program now holds the only other end.
@@ -114,7 +117,7 @@ fn progress_fits_fifty_columns_and_is_cleared() {
 }
 
 #[test]
-fn the_width_of_the_terminal_is_respected() {
+fn the_columns_variable_is_respected() {
     let folder = folder_with_photo();
     calibrated(folder.path());
     let words = ["run", "--rig", "small.toml", "--once"];
@@ -123,7 +126,8 @@ fn the_width_of_the_terminal_is_respected() {
     assert!(longest(&seen) > Some(46), "{:#?}", seen.bars);
     let folder = folder_with_photo();
     calibrated(folder.path());
-    let seen = on_terminal(&words, folder.path(), ("xterm", 40), false);
+    let words = ["COLUMNS=40", "run", "--rig", "small.toml", "--once"];
+    let seen = on_terminal(&words, folder.path(), ("xterm", 80), false);
     assert!(seen.status.success() && longest(&seen) <= Some(36), "{:#?}", seen.bars);
 }
 

@@ -13,31 +13,77 @@ pub(super) const AREA: usize = SIDE * SIDE;
 /// Pixels or coefficients of one block, row-major.
 pub(super) type Block = [f32; AREA];
 
-/// The cosine transform (type II, orthonormal): `0[i][k]` = √(2/8) cᵢ cos(π(2k+1)i/16), c₀ = √½.
+/// The cosine transform (type II, orthonormal): basis √(2/8) cᵢ cos(π(2k+1)i/16), c₀ = √½.
 #[derive(Debug, Clone)]
 pub(super) struct Cosines {
-    forward: [[f32; SIDE]; SIDE],
-    backward: [[f32; SIDE]; SIDE],
+    /// `[i][k]` for the four samples of the first half; the second half is its mirror image, with
+    /// the opposite sign for odd i.
+    half: [[f32; SIDE / 2]; SIDE],
 }
 
 impl Cosines {
     pub(super) fn new() -> Self {
-        let forward: [[f32; SIDE]; SIDE] =
-            std::array::from_fn(|i| std::array::from_fn(|k| basis(i, k) as f32));
-        let backward = std::array::from_fn(|i| std::array::from_fn(|k| forward[k][i]));
-        Cosines { forward, backward }
+        Cosines { half: std::array::from_fn(|i| std::array::from_fn(|k| basis(i, k) as f32)) }
     }
 
     /// Pixels to coefficients.
     #[inline(always)]
     pub(super) fn analyse<const FUSED: bool>(&self, block: &mut Block) {
-        apply_separably::<FUSED>(&self.forward, block);
+        self.analyse_columns::<FUSED>(block);
+        *block = transposed(block);
+        self.analyse_columns::<FUSED>(block);
     }
 
     /// Coefficients to pixels.
     #[inline(always)]
     pub(super) fn synthesise<const FUSED: bool>(&self, block: &mut Block) {
-        apply_separably::<FUSED>(&self.backward, block);
+        self.synthesise_columns::<FUSED>(block);
+        *block = transposed(block);
+        self.synthesise_columns::<FUSED>(block);
+    }
+
+    /// Pixels to coefficients along each column: even basis functions see the sums of mirrored
+    /// samples, odd ones their differences.
+    #[inline(always)]
+    fn analyse_columns<const FUSED: bool>(&self, block: &mut Block) {
+        let mut mirrored = [[[0.0; SIDE]; SIDE / 2]; 2];
+        let rows = block.as_chunks::<SIDE>().0;
+        for k in 0..SIDE / 2 {
+            for x in 0..SIDE {
+                let (first, last) = (rows[k][x], rows[SIDE - 1 - k][x]);
+                (mirrored[0][k][x], mirrored[1][k][x]) = (first + last, first - last);
+            }
+        }
+        for (i, out) in block.as_chunks_mut::<SIDE>().0.iter_mut().enumerate() {
+            let mut sums = [0.0; SIDE];
+            for k in 0..SIDE / 2 {
+                for x in 0..SIDE {
+                    let value = mirrored[i % 2][k][x];
+                    sums[x] = multiply_add::<FUSED>(self.half[i][k], value, sums[x]);
+                }
+            }
+            *out = sums;
+        }
+    }
+
+    /// The transpose of [`Cosines::analyse_columns`].
+    #[inline(always)]
+    fn synthesise_columns<const FUSED: bool>(&self, block: &mut Block) {
+        let from = *block;
+        let (from, rows) = (from.as_chunks::<SIDE>().0, block.as_chunks_mut::<SIDE>().0);
+        for k in 0..SIDE / 2 {
+            let mut sums = [[0.0; SIDE]; 2];
+            for i in 0..SIDE {
+                for x in 0..SIDE {
+                    let sum = &mut sums[i % 2][x];
+                    *sum = multiply_add::<FUSED>(self.half[i][k], from[i][x], *sum);
+                }
+            }
+            for x in 0..SIDE {
+                rows[k][x] = sums[0][x] + sums[1][x];
+                rows[SIDE - 1 - k][x] = sums[0][x] - sums[1][x];
+            }
+        }
     }
 }
 
@@ -46,27 +92,6 @@ pub(super) fn basis(i: usize, k: usize) -> f64 {
     let angle = std::f64::consts::PI * (2 * k + 1) as f64 * i as f64 / (2 * SIDE) as f64;
     let share = if i == 0 { 1.0 } else { 2.0 };
     (share / SIDE as f64).sqrt() * angle.cos()
-}
-
-/// Replaces X by (M X Mᵀ)ᵀ.
-#[inline(always)]
-fn apply_separably<const FUSED: bool>(matrix: &[[f32; SIDE]; SIDE], block: &mut Block) {
-    let once = transposed(&product::<FUSED>(matrix, block));
-    *block = product::<FUSED>(matrix, &once);
-}
-
-/// M X.
-#[inline(always)]
-fn product<const FUSED: bool>(matrix: &[[f32; SIDE]; SIDE], block: &Block) -> Block {
-    let mut out = [0.0; AREA];
-    for (row, weights) in out.as_chunks_mut::<SIDE>().0.iter_mut().zip(matrix) {
-        for (from, weight) in block.as_chunks::<SIDE>().0.iter().zip(weights) {
-            for (o, f) in row.iter_mut().zip(from) {
-                *o = multiply_add::<FUSED>(*weight, *f, *o);
-            }
-        }
-    }
-    out
 }
 
 #[inline(always)]

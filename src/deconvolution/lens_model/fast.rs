@@ -228,12 +228,16 @@ impl Kernel for Forward<'_> {
                         let (found, _) = cell.along(half, group, b, data, scratch);
                         let function = &spectra[of[2 * a + b]][group * nx..][..nx];
                         let terms = sum[..nx].iter_mut().zip(&*found).zip(function);
+                        // Loops rather than closures, which may not be inlined and are then
+                        // compiled without AVX2.
                         if a + b == 0 {
-                            terms.for_each(|((sum, &light), &p)| *sum = light.product::<FUSED>(p));
+                            for ((sum, &light), &p) in terms {
+                                *sum = light.product::<FUSED>(p);
+                            }
                         } else {
-                            terms.for_each(|((sum, &light), &p)| {
+                            for ((sum, &light), &p) in terms {
                                 *sum = light.product_plus::<FUSED>(p, *sum);
-                            });
+                            }
                         }
                     }
                 }

@@ -130,7 +130,7 @@ fn a_sensor_that_fails_to_start_twice_is_left_alone() {
 #[test]
 fn a_maker_s_controls_may_come_after_the_node() {
     let rules =
-        DriverRules { is_graph: false, listings_without_maker_s: 2, ..DriverRules::default() };
+        DriverRules { is_graph: false, listings_without_maker_s: 9, ..DriverRules::default() };
     FakeKernel::install(rules, 256);
     let mut camera = V4l2Camera::open(usb(&[(MAKER_S, 1)])).unwrap_or_else(|e| panic!("{e}"));
     assert_eq!(kernel(|kernel| kernel.value(MAKER_S)), 1);

@@ -1,0 +1,58 @@
+//! Time and quality of the rig's own method on photographs, raw and as developed by a camera.
+
+use relens::chart::scenes::Scene;
+use relens::chart::table::Table;
+use relens::chart::test_rig::{PHOTO_SEED, TestPhoto};
+use relens::config::RigFile;
+use relens::frame::{Channels, Frame};
+use relens::picture::Tone;
+use relens::pipeline::method;
+
+use crate::Failure;
+use crate::harness::Harness;
+use crate::made::Made;
+use crate::view::{KEPT, Subject, View};
+
+const SCENES: [Scene; 3] = [Scene::Astronaut, Scene::Coffee, Scene::Rocket];
+
+/// Restores a photo of each photograph and scores it; two photographs if `quick`.
+pub(crate) fn run(rig: &RigFile, quick: bool) -> Result<Made, Failure> {
+    let (mut harness, _) = Harness::open(rig.clone())?;
+    let (size, tone) = (rig.photo.size(), Tone::of_curve(rig.photo.curve, 8));
+    let subjects = SCENES.into_iter().map(Subject::Of).chain((0..KEPT.len()).map(Subject::Kept));
+    let head = ["photo", "data", "s/MP", "photo: SSIM", "dB", "ΔE", "result: SSIM", "dB", "ΔE"];
+    let words = format!(
+        "{}, {size}: processor seconds per megapixel without the simulator, luminance SSIM and \
+         PSNR, ΔE at edges.",
+        rig.name
+    );
+    let mut table = Table::new(words, &head);
+    let own = method(rig, rig.restore.method);
+    for (n, subject) in subjects.enumerate().take(if quick { 2 } else { usize::MAX }) {
+        let codes = View { subject, quarter: None }.codes(size);
+        let light = Frame::from_fn(|c| {
+            tone.plane(c, &codes.plane(c).map(|v: f32| v.round().clamp(0.0, 255.0) as u8))
+        });
+        let (truth, seed) = (harness.truth(&light), PHOTO_SEED + n as u64);
+        let codes = harness.witness.photograph(&light, seed);
+        let developed = TestPhoto::developed(Frame::from_fn(|c| tone.plane(c, codes.plane(c))));
+        let taken = harness.photograph(&light, seed)?;
+        for photo in [taken, developed] {
+            let data = if photo.raw.is_some() { "raw" } else { "developed" };
+            let (solved, seconds) =
+                harness.test_rig.solve(&photo, Channels::Colour, &*own, &mut |_, _| {})?;
+            let before = harness.test_rig.quality(&photo.light, &truth);
+            let after = harness.test_rig.quality(&solved.picture, &truth);
+            let mut row = vec![subject.name().to_owned(), data.to_owned()];
+            row.push(format!("{:.2}", seconds * 1e6 / size.area() as f64));
+            for quality in [before, after] {
+                row.push(format!("{:.4}", quality.ssim));
+                row.push(format!("{:.2}", quality.psnr_db));
+                row.push(format!("{:.2}", quality.edge_difference.unwrap_or(f64::NAN)));
+            }
+            log::info!("{}", row.join(" "));
+            table.row(row);
+        }
+    }
+    Ok(Made::table(format!("{}-pace", rig.name), table))
+}
