@@ -26,7 +26,7 @@ pub(super) fn edid_fault(root: &Path, connector: &str) -> Option<String> {
         Some((one, file)) => (one == connector).then(|| file.to_owned()),
         None => Some(entry.to_owned()),
     };
-    let file = words.flat_map(|(_, list)| list.split(',')).filter_map(own).last()?;
+    let file = words.flat_map(|(_, list)| list.split(',')).filter_map(own).next_back()?;
     let Ok(stored) = std::fs::read(root.join("lib/firmware").join(&file)) else {
         return Some(format!(
             "the kernel's command line names /lib/firmware/{file}, which cannot be read: store the \

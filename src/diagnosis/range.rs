@@ -128,7 +128,7 @@ mod tests {
         }
         let range = MeasuredRange { dark: 0.0001, light: 0.13, span: 600.0, is_saturated: false };
         assert!(range.fault().is_some_and(|words| words.contains("0 and 16")), "crushed blacks");
-        assert!(MeasuredRange { span: 200.0, ..range.clone() }.fault().is_none(), "too few bits");
+        assert!(MeasuredRange { span: 200.0, ..range }.fault().is_none(), "too few bits");
         let white = MeasuredRange { dark: 0.002, light: 0.01, is_saturated: true, ..range };
         assert!(white.fault().is_none() && white.to_string().contains("saturates"));
     }

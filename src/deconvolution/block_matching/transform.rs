@@ -56,10 +56,9 @@ impl Cosines {
         }
         for (i, out) in block.as_chunks_mut::<SIDE>().0.iter_mut().enumerate() {
             let mut sums = [0.0; SIDE];
-            for k in 0..SIDE / 2 {
-                for x in 0..SIDE {
-                    let value = mirrored[i % 2][k][x];
-                    sums[x] = multiply_add::<FUSED>(self.half[i][k], value, sums[x]);
+            for (weight, values) in self.half[i].iter().zip(&mirrored[i % 2]) {
+                for (sum, value) in sums.iter_mut().zip(values) {
+                    *sum = multiply_add::<FUSED>(*weight, *value, *sum);
                 }
             }
             *out = sums;
