@@ -166,8 +166,7 @@ pub(super) fn find(bytes: &[u8]) -> Result<Option<RawFile>, Flaw> {
     };
     let raw = directory.raw_file()?;
     let turned = all[0].number(ORIENTATION)?.or(directory.number(ORIENTATION)?);
-    let places: Vec<usize> = [all[0].at, directory.at].into_iter().collect();
-    let exif = exif::of_tiff(&file, &places);
+    let exif = exif::of_tiff(&file, &[all[0].at, directory.at]);
     let table = [(XMP, Lost::XMP), (IPTC, Lost::IPTC), (PRIVATE, Lost::MAKER_NOTES)];
     let held = |tag: &u16| all.iter().any(|d| d.find(*tag).is_some());
     let mut lost: BTreeSet<Lost> =

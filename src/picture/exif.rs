@@ -284,7 +284,7 @@ mod tests {
     }
 
     #[test]
-    fn adobe_rgb_is_told_by_number_or_by_index() {
+    fn adobe_rgb_is_recognised_by_number_or_by_index() {
         let with = |space: u32, index: Option<&[u8]>| {
             let mut out = b"II*\0\0\0\0\0".to_vec();
             let mut exif = Fields::from([(COLOUR_SPACE, Field::pointer(space))]);

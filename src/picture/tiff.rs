@@ -3,6 +3,8 @@
 
 mod directory;
 
+use std::ops::RangeInclusive;
+
 use super::Flaw;
 use super::iptc;
 use super::kind::tiff_of_a_camera;
@@ -65,12 +67,24 @@ const MAKERS_PACKINGS: [usize; 8] = [32767, 32769, 32770, 32772, 34713, 65000, 6
 const PREVIEW_TIMES: usize = 4;
 /// Most sub-directories searched for a larger picture. Guess.
 const BELOW_MAX: usize = 32;
-/// Fields that are used, carried, looked into, or mean nothing beside the picture: each first one
-/// and the last one after it (TIFF 6.0; LibTIFF's tags).
-const HELD: [u16; 46] = [
-    254, 259, 262, 266, 270, 284, 286, 292, 296, 297, 301, 301, 305, 306, 315, 325, 330, 331, 338,
-    347, 512, 532, 700, 700, 33432, 33434, 33437, 33437, 33723, 33723, 34377, 34377, 34665, 34665,
-    34675, 34675, 34853, 34853, 34855, 34855, 36867, 36867, 37386, 37386, 50341, 50341,
+/// Ranges of fields that are used, carried, looked into, or mean nothing beside the picture (TIFF
+/// 6.0; LibTIFF's tags).
+const RANGES_HELD: [RangeInclusive<u16>; 10] = [
+    254..=259,
+    262..=266,
+    270..=284,
+    286..=292,
+    296..=297,
+    305..=306,
+    315..=325,
+    330..=331,
+    338..=347,
+    512..=532,
+];
+/// Further fields of that kind.
+const HELD: [u16; 15] = [
+    301, 700, 33432, 33433, 33434, 33437, 33723, 34377, 34665, 34675, 34853, 34855, 36867, 37386,
+    50341,
 ];
 /// Fields of text that no result has: document, page and host.
 const TEXTS: [u16; 3] = [269, 285, 316];
@@ -117,7 +131,8 @@ pub(super) fn walk(bytes: &[u8]) -> Result<Walked, Flaw> {
     walked.lose(Lost::PICTURES, directory.next().is_ok_and(|next| next != 0));
     let has = |tag: &u16| directory.find(*tag).is_some();
     walked.lose(Lost::TEXTS, TEXTS.iter().any(has));
-    let is_held = |tag: &u16| HELD.chunks_exact(2).any(|of| (of[0]..=of[1]).contains(tag));
+    let is_held =
+        |tag: &u16| RANGES_HELD.iter().any(|range| range.contains(tag)) || HELD.contains(tag);
     let unknown = directory.entries.iter().map(|(tag, _)| tag);
     for tag in unknown.filter(|tag| !is_held(tag) && !TEXTS.contains(tag)).take(8) {
         walked.lost.insert(Lost::unknown("the TIFF's field", tag.to_string().as_bytes()));

@@ -129,7 +129,7 @@ fn a_camera_that_runs_free_is_refused_where_it_should_wait_for_its_trigger() {
         rig.state().exposed.push(-0.01);
         let error = devices.refuse_free_running().err().map(|error| error.to_string());
         assert_eq!(error.is_some(), refused, "{error:?}");
-        assert!(error.is_none_or(|said| said.contains("the camera runs free")));
+        assert!(error.is_none_or(|words| words.contains("the camera runs free")));
         assert!(rig.state().now_s < 0.5, "it takes no longer");
     }
 }

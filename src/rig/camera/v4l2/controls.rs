@@ -159,7 +159,7 @@ pub(super) fn await_controls(node: &Node, wanted: &[(String, i32)]) {
     }
 }
 
-/// Holds [`ORIENTATION`] controls, of which `wanted` may state other values.
+/// Holds the [`ORIENTATION`] controls at 0, or at the values that `wanted` states.
 ///
 /// # Errors
 /// As [`settle_controls`].

@@ -1,5 +1,5 @@
-//! Description of a board's media graphs and video nodes, for reports. Bus addresses and serial
-//! numbers are left out.
+//! Description of a board's media graphs and video nodes, for reports, without bus addresses and
+//! serial numbers.
 
 use std::fmt::{Result, Write};
 

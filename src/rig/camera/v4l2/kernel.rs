@@ -195,9 +195,9 @@ impl Node {
         let mut buffer = MappedBuffer::new(index);
         call::<QueryBuffer>(self, &mut buffer)?;
         let (length, place) = (buffer.length as usize, u64::from(buffer.offset()));
+        let access = ProtFlags::READ | ProtFlags::WRITE;
         // SAFETY: a fresh mapping of `length` bytes at the offset the kernel gave for memory-mapped
         // buffers.
-        let access = ProtFlags::READ | ProtFlags::WRITE;
         let start =
             unsafe { mmap(std::ptr::null_mut(), length, access, MapFlags::SHARED, self, place)? };
         Ok(Buffer { start, length, index })

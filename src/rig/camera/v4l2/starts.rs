@@ -7,7 +7,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use crate::config::MediaGraph;
 use crate::rig::RigError;
 
-/// Failed starts before the sensor is left alone until the program is started again.
+/// Failed starts after which the sensor is not started again until the program restarts.
 const FAILURES_MAX: usize = 2;
 
 /// Sensors that failed to start, once for each failure since the last success.

@@ -23,7 +23,7 @@ pub(in super::super) struct DriverRules {
     pub(in super::super) is_graph: bool,
     /// The sensor's bus format follows its flips.
     pub(in super::super) flips_change_code: bool,
-    /// The stream starts once all nodes with an enabled link stream; until then nothing is said.
+    /// The stream starts once all nodes with an enabled link stream, and reports no error until then.
     pub(in super::super) waits_for_all_nodes: bool,
     /// The receiver compares the colour fields of its pads.
     pub(in super::super) compares_colours: bool,
@@ -31,9 +31,9 @@ pub(in super::super) struct DriverRules {
     pub(in super::super) torn: u32,
     /// Starts of the stream that fail.
     pub(in super::super) failing_starts: u32,
-    /// Listings of the controls before the maker's are there.
-    pub(in super::super) listings_without_maker_s: u32,
-    /// Controls that are busy while it streams.
+    /// Listings of the controls before the maker's control appears.
+    pub(in super::super) listings_without_maker_control: u32,
+    /// The frame interval cannot be set while streaming.
     pub(in super::super) interval_is_busy: bool,
     /// Name of the sensor's entity.
     pub(in super::super) sensor: &'static str,
@@ -48,7 +48,7 @@ impl Default for DriverRules {
             compares_colours: true,
             torn: 0,
             failing_starts: 0,
-            listings_without_maker_s: 0,
+            listings_without_maker_control: 0,
             interval_is_busy: true,
             sensor: "imx296 10-001a",
         }
@@ -62,7 +62,7 @@ pub(in super::super) struct FakeLink {
     pub(in super::super) flags: u32,
 }
 
-/// A driver with its nodes, and the record of what was asked of it.
+/// A driver with its nodes, and the record of the requests to it.
 pub(in super::super) struct FakeKernel {
     folder: tempfile::TempDir,
     node: File,
@@ -107,7 +107,7 @@ const NODES: [(u32, u32, &str); 4] = [
 /// 5384).
 const CODES: [[&str; 2]; 2] = [["SRGGB10_1X10", "SGRBG10_1X10"], ["SGBRG10_1X10", "SBGGR10_1X10"]];
 /// Maker's control, which may come late.
-pub(in super::super) const MAKER_S: &str = "trigger_mode";
+pub(in super::super) const MAKER_CONTROL: &str = "trigger_mode";
 const RAW: u32 = 11;
 
 thread_local! {
@@ -219,10 +219,11 @@ impl FakeKernel {
             link((2, 3), (7, 0), 0),
             link((2, 4), (8, 0), 1),
         ];
-        let sensor_s = [("analogue_gain", 0), ("horizontal_flip", 1), ("vertical_flip", 1)];
-        let camera_s = [("auto_exposure", 3), ("exposure_time_absolute", 10), ("gain", 0)];
-        let mut controls = if rules.is_graph { sensor_s.to_vec() } else { camera_s.to_vec() };
-        controls.extend([("test_pattern", 1), (MAKER_S, 0)]);
+        let sensor_controls = [("analogue_gain", 0), ("horizontal_flip", 1), ("vertical_flip", 1)];
+        let camera_controls = [("auto_exposure", 3), ("exposure_time_absolute", 10), ("gain", 0)];
+        let mut controls =
+            if rules.is_graph { sensor_controls.to_vec() } else { camera_controls.to_vec() };
+        controls.extend([("test_pattern", 1), (MAKER_CONTROL, 0)]);
         let kernel = FakeKernel {
             folder,
             node,
@@ -348,10 +349,10 @@ impl FakeKernel {
 
     fn query_control(&mut self, argument: &mut Argument<'_>) -> Result<(), Errno> {
         let index = (argument.get(0) & 0xffff) as usize;
-        let late = self.rules.listings_without_maker_s > 0;
+        let late = self.rules.listings_without_maker_control > 0;
         let (name, value) = *self.controls.get(index).ok_or(Errno::INVAL)?;
-        if late && name == MAKER_S {
-            self.rules.listings_without_maker_s -= 1;
+        if late && name == MAKER_CONTROL {
+            self.rules.listings_without_maker_control -= 1;
             return Err(Errno::INVAL);
         }
         argument.set(0, &[index as u32 + 1, 1]);

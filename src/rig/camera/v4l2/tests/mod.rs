@@ -3,7 +3,7 @@
 pub(super) mod kernel;
 
 use super::*;
-use kernel::{DriverRules, FakeKernel, MAKER_S, kernel, root};
+use kernel::{DriverRules, FakeKernel, MAKER_CONTROL, kernel, root};
 
 use crate::config;
 
@@ -107,7 +107,7 @@ fn a_frame_whose_lower_rows_were_lost_is_no_frame() {
 }
 
 #[test]
-fn a_sensor_that_fails_to_start_twice_is_left_alone() {
+fn a_sensor_that_fails_to_start_twice_is_not_started_again() {
     // Another name, since failures are remembered for as long as the program runs.
     let rules =
         DriverRules { failing_starts: 9, sensor: "imx477 10-001a", ..DriverRules::default() };
@@ -129,11 +129,14 @@ fn a_sensor_that_fails_to_start_twice_is_left_alone() {
 
 #[test]
 fn a_maker_s_controls_may_come_after_the_node() {
-    let rules =
-        DriverRules { is_graph: false, listings_without_maker_s: 9, ..DriverRules::default() };
+    let rules = DriverRules {
+        is_graph: false,
+        listings_without_maker_control: 9,
+        ..DriverRules::default()
+    };
     FakeKernel::install(rules, 256);
-    let mut camera = V4l2Camera::open(usb(&[(MAKER_S, 1)])).unwrap_or_else(|e| panic!("{e}"));
-    assert_eq!(kernel(|kernel| kernel.value(MAKER_S)), 1);
+    let mut camera = V4l2Camera::open(usb(&[(MAKER_CONTROL, 1)])).unwrap_or_else(|e| panic!("{e}"));
+    assert_eq!(kernel(|kernel| kernel.value(MAKER_CONTROL)), 1);
     camera.frame(soon()).unwrap_or_else(|e| panic!("{e}"));
 }
 
