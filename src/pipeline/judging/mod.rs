@@ -30,7 +30,7 @@ pub use verdict::{Measures, harm, is_suspect};
 
 use super::stages::{LensAlone, Prepared, Solved};
 use super::{Outcome, Pipeline, Verdict};
-use crate::deconvolution::method::{Certificate, Method, MethodError, NoOptics, Watch};
+use crate::deconvolution::method::{Method, MethodError, NoOptics, Watch};
 use crate::deconvolution::stage::ResultStage;
 use crate::frame::{Frame, Work};
 
@@ -56,8 +56,7 @@ impl Pipeline {
         let evidence = self.evidence(photo, solved);
         let alone = Case { photo, solved, evidence: &evidence, reference: None };
         let measures = verdict::measure(&WITNESSES, &alone);
-        let rejected = certificate_rejection(solved);
-        if !is_suspect(&WITNESSES, &measures, solved.about.starts_from_lens) && rejected.is_none() {
+        if !is_suspect(&WITNESSES, &measures, solved.about.starts_from_lens) {
             return Ok(Outcome::of(solved, evidence));
         }
         let lens_alone = match photo.lens_alone.get() {
@@ -83,7 +82,7 @@ impl Pipeline {
         let reference_solution = &reference.solved;
         let beside = Case { reference: Some(&reference_solution.picture), ..alone };
         let measures = verdict::measure(&WITNESSES, &beside);
-        let Some(reason) = verdict::harm_in_words(&WITNESSES, &measures).or(rejected) else {
+        let Some(reason) = verdict::harm_in_words(&WITNESSES, &measures) else {
             return Ok(Outcome::of(solved, evidence));
         };
         let replaced = match self.without_light(photo, solved, reference_solution, watch)? {
@@ -141,21 +140,6 @@ impl Pipeline {
         });
         known.is_some_and(|of| matches!(of, LensAlone::Foreign(_)))
     }
-}
-
-/// Why the photograph of a result that captures corrected rejects it.
-fn certificate_rejection(solved: &Solved) -> Option<String> {
-    let Certificate { corrections, optical_residual, noise_floor, .. } =
-        solved.solution.certificate;
-    let times = f64::from(optical_residual?) / f64::from(noise_floor).max(1e-9);
-    (corrections > 0 && times > limits::NEARLY_CONFIRMED).then(|| {
-        format!(
-            "photographed through the lens again, the result differed from the photo by {times:.1} \
-             times what noise leaves (allowed {:.1} times); what the measured lens alone makes of \
-             the photo is returned in its place",
-            limits::NEARLY_CONFIRMED
-        )
-    })
 }
 
 /// Whether luma leaves as much unexplained as the untouched photo's does.
