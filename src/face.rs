@@ -300,3 +300,6 @@ impl<E: Remediable + Send + Sync + 'static> From<E> for Error {
         Error(Box::new(error))
     }
 }
+
+#[cfg(all(test, feature = "genicam"))]
+mod genicam_box_tests;

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use toml::Value;
 
 use super::error::ConfigError;
-use super::keys::{KindKeys, table, words};
+use super::keys::{KindKeys, number, table, words};
 use super::media::MediaGraph;
 use super::places::Places;
 use super::simulation::is_default;
@@ -18,7 +18,7 @@ table! {
         /// Display.
         panel: PanelDevice, Table(&PanelDevice::TABLE), Never;
         /// Camera.
-        camera: V4l2Device, Table(&V4l2Device::TABLE), Never;
+        camera: CameraDevice, ByKind(CameraDevice::KINDS), Never;
         /// Start of an exposure.
         trigger: TriggerDevice, ByKind(TriggerDevice::KINDS), Never;
         /// Start button.
@@ -36,6 +36,52 @@ table! {
         /// Connector by the kernel's name, such as `HDMI-A-1` (a folder under /sys/class/drm, after
         /// `card0-`).
         connector: String, Text, Never;
+    }
+}
+
+/// A camera.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", tag = "kind")]
+pub enum CameraDevice {
+    /// A V4L2 capture node.
+    V4l2(V4l2Device),
+    /// A USB3 Vision or GigE Vision camera.
+    Genicam(GenicamDevice),
+}
+
+impl CameraDevice {
+    const KINDS: &'static [KindKeys] = &[
+        KindKeys { word: "v4l2", keys: &V4l2Device::TABLE, is_default: true },
+        KindKeys { word: "genicam", keys: &GenicamDevice::TABLE, is_default: false },
+    ];
+
+    /// Name of the pixel format.
+    pub fn format(&self) -> &str {
+        match self {
+            CameraDevice::V4l2(device) => device.format.trim_end(),
+            CameraDevice::Genicam(device) => &device.format,
+        }
+    }
+
+    /// Control of the exposure time.
+    pub fn exposure_by(&self) -> ExposureBy {
+        match self {
+            CameraDevice::V4l2(device) => device.exposure_by,
+            CameraDevice::Genicam(device) => device.exposure_by,
+        }
+    }
+
+    /// Serial number, as far as the rig file names it: in a link
+    /// (`/dev/v4l/by-id/…_SERIAL-video-…`), or as a key.
+    pub fn serial(&self) -> Option<&str> {
+        match self {
+            CameraDevice::V4l2(device) => {
+                let name = device.device.as_ref()?.file_name()?.to_str()?;
+                let (name, _) = name.rsplit_once("-video-index")?;
+                name.rsplit_once('_').map(|(_, serial)| serial)
+            }
+            CameraDevice::Genicam(device) => device.serial.as_deref(),
+        }
     }
 }
 
@@ -77,11 +123,89 @@ table! {
     }
 }
 
+table! {
+    /// A USB3 Vision or GigE Vision camera, the only one with the given `vendor`, `model` and
+    /// `serial`. Frames have the size of `[camera]`. Needs the feature `genicam`.
+    pub struct GenicamDevice {
+        /// Vendor (`arv-tool-0.8`).
+        vendor: Option<String>, Text, Says("any; one of the three is required");
+        /// Model.
+        model: Option<String>, Text, Says("any");
+        /// Serial number.
+        serial: Option<String>, Text, Says("any");
+        /// Pixel format by its name in the Pixel Format Naming Convention, such as `BayerRG8`,
+        /// `BayerRG12p` or `Mono10Packed`.
+        format: String, Text, Never;
+        /// Input line of the trigger (`TriggerSource`), such as `Line0`.
+        trigger_source: Option<String>, Text, Says("the camera runs free");
+        /// Event that the camera's time stamps refer to; `driver` is the start of the exposure with
+        /// a trigger, else its end. Cameras without `TimestampLatch` are timed by the arrival of
+        /// the first packet instead.
+        @[serde(default, skip_serializing_if = "is_default")]
+        stamps: Stamps, Word(Stamps::WORDS), Means("\"driver\"");
+        /// Buffers of the stream.
+        buffers: usize, Fixed, Means("4");
+        /// Control of the exposure time.
+        exposure_by: ExposureBy, Word(ExposureBy::WORDS), Never;
+        /// Decibels per unit of the feature `Gain` in `features`; 1 for most cameras.
+        // Captures do not depend on it.
+        @[serde(default, skip_serializing)]
+        gain_step_db: Option<f64>, Number(0.001, 20.0),
+            Says("photos are taken at the gain of the captures");
+        /// Features by their names in `arv-tool-0.8 features`, selectors first. Automatic
+        /// adjustments are switched off in any case.
+        features: BTreeMap<String, FeatureValue>, Such("names with numbers, words, true or false",
+            |value| value.as_table().is_some_and(|all| all.values().all(|one| {
+                number(one).is_some() || one.is_str() || one.is_bool()
+            }))), Means("{}");
+    }
+}
+
+/// Value of a camera's feature.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(untagged)]
+pub enum FeatureValue {
+    /// A truth.
+    Truth(bool),
+    /// A number, whole or fractional.
+    Number(f64),
+    /// A word of an enumeration, or a text.
+    Word(String),
+}
+
+impl GenicamDevice {
+    /// Checks the rules across keys.
+    fn check(&self, places: &Places, trigger: &TriggerDevice) -> Result<(), ConfigError> {
+        let named = [&self.vendor, &self.model, &self.serial].into_iter().flatten().count();
+        places.hold(
+            named > 0,
+            "hardware.camera",
+            "neither vendor nor model nor serial",
+            "one or more of them",
+        )?;
+        let triggered = matches!(trigger, TriggerDevice::Line(_));
+        places.hold(
+            triggered == self.trigger_source.is_some(),
+            "hardware.camera.trigger-source",
+            self.trigger_source.as_deref().unwrap_or("nothing"),
+            "an input of the camera for a trigger of kind \"line\", nothing if it runs free",
+        )
+    }
+}
+
 impl Hardware {
+    /// Checks the rules across keys of the camera.
+    pub(super) fn check_camera(&self, places: &Places) -> Result<(), ConfigError> {
+        match &self.camera {
+            CameraDevice::V4l2(device) => device.check(places),
+            CameraDevice::Genicam(device) => device.check(places, &self.trigger),
+        }
+    }
+
     /// Width of a trigger pulse: the exposure where the pulse sets that, else 1 ms, which is long
     /// beside the 20 µs of an opto-coupler.
     pub fn pulse_us(&self, exposure_ms: f64) -> u32 {
-        match self.camera.exposure_by {
+        match self.camera.exposure_by() {
             ExposureBy::Pulse => (exposure_ms * 1e3).round() as u32,
             ExposureBy::Control | ExposureBy::Elsewhere => 1000,
         }
@@ -90,7 +214,7 @@ impl Hardware {
 
 impl V4l2Device {
     /// Checks the rules across keys.
-    pub(super) fn check(&self, places: &Places) -> Result<(), ConfigError> {
+    fn check(&self, places: &Places) -> Result<(), ConfigError> {
         let one_of = |found| Err(places.broken("hardware.camera", found, "one of them"));
         match (&self.device, &self.card, &self.media) {
             (Some(path), None, None) => {
@@ -172,8 +296,8 @@ pub enum TriggerDevice {
 
 impl TriggerDevice {
     const KINDS: &'static [KindKeys] = &[
-        KindKeys { word: "line", keys: &GpioLine::TABLE },
-        KindKeys { word: "free-running", keys: &FreeRunningKeys::TABLE },
+        KindKeys { word: "line", keys: &GpioLine::TABLE, is_default: false },
+        KindKeys { word: "free-running", keys: &FreeRunningKeys::TABLE, is_default: false },
     ];
 }
 

@@ -57,6 +57,8 @@ pub(super) enum LeftOut {
 pub(super) struct KindKeys {
     pub(super) word: &'static str,
     pub(super) keys: &'static TableKeys,
+    /// Whether a table without `kind` is of this one.
+    pub(super) is_default: bool,
 }
 
 /// A word allowed as a value.

@@ -25,8 +25,8 @@ pub use appliance::{
 };
 pub use error::ConfigError;
 pub use hardware::{
-    ExposureBy, FreeRunningKeys, GpioLine, Hardware, LampDevices, Level, PanelDevice, Stamps,
-    TriggerDevice, V4l2Device,
+    CameraDevice, ExposureBy, FeatureValue, FreeRunningKeys, GenicamDevice, GpioLine, Hardware,
+    LampDevices, Level, PanelDevice, Stamps, TriggerDevice, V4l2Device,
 };
 pub use media::{MediaGraph, MediaLink, PadFormat, bus_format, bus_format_name, entity_and_pad};
 pub use method_name::MethodName;
@@ -46,13 +46,14 @@ use std::path::Path;
 use strsim::levenshtein;
 
 /// The built-in rig files by name.
-const BUILT_IN: [(&str, &str); 8] = [
+const BUILT_IN: [(&str, &str); 9] = [
     ("simulated.toml", include_str!("../../rig-config/simulated.toml")),
     ("study.toml", include_str!("../../rig-config/study.toml")),
     ("small.toml", include_str!("../../rig-config/small.toml")),
     ("paper-synthetic.toml", include_str!("../../rig-config/paper-synthetic.toml")),
     ("raspberry-pi-5.toml", include_str!("../../rig-config/raspberry-pi-5.toml")),
     ("raspberry-pi-5-gs.toml", include_str!("../../rig-config/raspberry-pi-5-gs.toml")),
+    ("genicam.toml", include_str!("../../rig-config/genicam.toml")),
     ("truthful.toml", include_str!("../../rig-config/truthful.toml")),
     ("ideal.toml", include_str!("../../rig-config/ideal.toml")),
 ];

@@ -115,19 +115,19 @@ impl RigFile {
         }
     }
 
-    /// Serial number in the camera's link (`/dev/v4l/by-id/…_SERIAL-video-…`).
+    /// Serial number of the camera, as far as the file names it.
     pub fn camera_serial(&self) -> Option<&str> {
-        let Kind::Hardware(hardware) = &self.kind else { return None };
-        let name = hardware.camera.device.as_ref()?.file_name()?.to_str()?;
-        let (name, _) = name.rsplit_once("-video-index")?;
-        name.rsplit_once('_').map(|(_, serial)| serial)
+        match &self.kind {
+            Kind::Hardware(hardware) => hardware.camera.serial(),
+            Kind::Simulated(_) => None,
+        }
     }
 
     /// Colour filters of the sensor's sites, if it has any and sends them raw.
     pub fn mosaic(&self) -> Option<Mosaic> {
         match &self.kind {
             Kind::Simulated(simulation) => simulation.sensor.mosaic,
-            Kind::Hardware(hardware) => Mosaic::of_format(hardware.camera.format.trim_end()),
+            Kind::Hardware(hardware) => Mosaic::of_format(hardware.camera.format()),
         }
     }
 

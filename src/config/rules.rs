@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use super::error::ConfigError;
-use super::hardware::{ExposureBy, Hardware, TriggerDevice};
+use super::hardware::{CameraDevice, ExposureBy, Hardware, TriggerDevice};
 use super::parts::{Alignment, CameraTable, PanelTable};
 use super::places::Places;
 use super::rig::{Kind, RigFile};
@@ -33,7 +33,10 @@ pub(super) fn check(written: RigTables, places: &Places) -> Result<RigFile, Conf
     let kind = match written.hardware.clone() {
         Some(hardware) => {
             check_hardware(places, &hardware, &panel, &camera)?;
-            identity.take(&(&hardware.panel, &hardware.camera));
+            match &hardware.camera {
+                CameraDevice::V4l2(camera) => identity.take(&(&hardware.panel, camera)),
+                CameraDevice::Genicam(camera) => identity.take(&(&hardware.panel, camera)),
+            }
             Kind::Hardware(Box::new(hardware))
         }
         None => {
@@ -159,8 +162,8 @@ fn check_hardware(
         format_args!("{} ms, which is {refreshes:.3} refreshes", camera.exposure_ms),
         "a whole number of refreshes, or the backlight's flicker shows",
     )?;
-    hardware.camera.check(places)?;
-    let pulsed = hardware.camera.exposure_by == ExposureBy::Pulse;
+    hardware.check_camera(places)?;
+    let pulsed = hardware.camera.exposure_by() == ExposureBy::Pulse;
     places.hold(
         !pulsed || matches!(hardware.trigger, TriggerDevice::Line(_)),
         "hardware.camera.exposure-by",

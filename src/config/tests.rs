@@ -320,7 +320,10 @@ fn reference() -> String {
         page += &format!("\n### {}\n\n{}{table}\n\n", names.join(", "), known.about.trim());
         page += "| key | allowed | default | meaning |\n|---|---|---|---|\n";
         if let Some(kind) = kind {
-            page += &format!("| `kind` | \"{}\" | no default | Kind. |\n", kind.word);
+            let word = kind.word;
+            let left_out =
+                if kind.is_default { format!("`\"{word}\"`") } else { "no default".into() };
+            page += &format!("| `kind` | \"{word}\" | {left_out} | Kind. |\n");
         }
         let is_value = |key: &&Key| {
             !matches!(key.allowed, Allowed::Table(_) | Allowed::Tables(_) | Allowed::ByKind(_))

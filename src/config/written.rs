@@ -164,7 +164,10 @@ fn complete_kind(
     kinds: &[KindKeys],
 ) -> Result<(), ConfigError> {
     let word = found.remove("kind");
-    let is_kind = |kind: &&KindKeys| word.as_ref().and_then(Value::as_str) == Some(kind.word);
+    let is_kind = |kind: &&KindKeys| match &word {
+        Some(word) => word.as_str() == Some(kind.word),
+        None => kind.is_default,
+    };
     let Some(kind) = kinds.iter().find(is_kind) else {
         let found = word.map_or("nothing".to_owned(), |word| word.to_string());
         return Err(places.broken(&joined(path, "kind"), found, kind_words(kinds)));

@@ -158,13 +158,15 @@ impl Mosaic {
         sum / count.max(1.0)
     }
 
-    /// The mosaic of a camera's raw pixel format by its four-character code; `None` if not raw.
+    /// The mosaic of a camera's raw pixel format by its four-character code, or its name in the
+    /// Pixel Format Naming Convention; `None` if not raw.
     pub fn of_format(code: &str) -> Option<Mosaic> {
+        let code = code.strip_prefix("Bayer").and_then(|rest| rest.get(..2)).unwrap_or(code);
         match code {
-            "BA81" | "BG10" | "pBAA" | "BG12" | "pBCC" | "BYR2" => Some(Mosaic::Bggr),
-            "GBRG" | "GB10" | "pGAA" | "GB12" | "pGCC" | "GB16" => Some(Mosaic::Gbrg),
-            "GRBG" | "BA10" | "pgAA" | "BA12" | "pgCC" | "GR16" => Some(Mosaic::Grbg),
-            "RGGB" | "RG10" | "pRAA" | "RG12" | "pRCC" | "RG16" => Some(Mosaic::Rggb),
+            "BG" | "BA81" | "BG10" | "pBAA" | "BG12" | "pBCC" | "BYR2" => Some(Mosaic::Bggr),
+            "GB" | "GBRG" | "GB10" | "pGAA" | "GB12" | "pGCC" | "GB16" => Some(Mosaic::Gbrg),
+            "GR" | "GRBG" | "BA10" | "pgAA" | "BA12" | "pgCC" | "GR16" => Some(Mosaic::Grbg),
+            "RG" | "RGGB" | "RG10" | "pRAA" | "RG12" | "pRCC" | "RG16" => Some(Mosaic::Rggb),
             _ => None,
         }
     }

@@ -18,11 +18,11 @@ use crate::config::{
 /// Opens panel, trigger and camera.
 ///
 /// # Errors
-/// As [`KmsPanel::open`], [`OutputLine::open`] and [`camera::v4l2::V4l2Camera::open`].
+/// As [`KmsPanel::open`] and [`OutputLine::open`], and for a camera that cannot be opened.
 pub fn open(rig: &config::RigFile, hardware: &Hardware) -> Result<Devices, RigError> {
     let panel = open_panel(&rig.panel, &hardware.panel)?;
     let pulse_us = hardware.pulse_us(rig.camera.exposure_ms);
-    let pulsed = hardware.camera.exposure_by == ExposureBy::Pulse;
+    let pulsed = hardware.camera.exposure_by() == ExposureBy::Pulse;
     let trigger = open_trigger(&hardware.trigger, pulse_us, pulsed)?;
     let camera = camera::open(&rig.camera, hardware)?;
     let timing = Timing::of(&rig.panel, &rig.camera);
@@ -75,6 +75,8 @@ pub fn describe() -> String {
     // Writing to a string cannot fail.
     let _ = kms_card::describe(&mut text);
     let _ = camera::v4l2::describe(&mut text);
+    #[cfg(feature = "genicam")]
+    let _ = camera::genicam::describe(&mut text);
     text
 }
 

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use relens::config::{self, Kind, Stamps};
+use relens::config::{self, CameraDevice, Kind, Stamps};
 use relens::frame::Codes;
 use relens::rig;
 
@@ -17,7 +17,8 @@ fn count_wrong_frames(stamps: Stamps) -> usize {
     let file = std::env::var("RELENS_FREE_RIG").expect("RELENS_FREE_RIG names the rig file");
     let mut config = config::load(Path::new(&file)).unwrap_or_else(|error| panic!("{error}"));
     let Kind::Hardware(hardware) = &mut config.kind else { panic!("a rig of devices") };
-    hardware.camera.stamps = stamps;
+    let CameraDevice::V4l2(camera) = &mut hardware.camera else { panic!("a V4L2 camera") };
+    camera.stamps = stamps;
     let mut rig = rig::open_without_marks(&config).unwrap_or_else(|error| panic!("{error}"));
     let pictures: [Codes; 2] = [30, 210].map(|code| grey(&config, code));
     // Reference levels from frames long after their flip.

@@ -36,7 +36,8 @@ fn the_cheap_rig_s_file_is_valid_and_its_parts_cost_420_to_480() {
     let rig = parse(cheap).unwrap_or_else(|error| panic!("{error}"));
     assert!(rig.mosaic().is_some() && rig.marks.is_some() && rig.warnings().is_empty());
     let config::Kind::Hardware(parts) = &rig.kind else { panic!("it is made of parts") };
-    let graph = parts.camera.media.as_ref().expect("a media graph");
+    let config::CameraDevice::V4l2(camera) = &parts.camera else { panic!("a V4L2 camera") };
+    let graph = camera.media.as_ref().expect("a media graph");
     assert!(graph.entities().any(|entity| entity == "imx296") && graph.link.len() == 1);
     // The panel is finer than the sensor along both axes, at 0.85 sensor pixels per panel pixel.
     let (panel, sensor) = (rig.panel.size(), rig.photo_grid().sensor);
@@ -77,7 +78,7 @@ fn every_block_of_the_page_is_valid() {
     let page = include_str!("../../hardware.md");
     let blocks: Vec<&str> =
         page.split("```toml\n").skip(1).filter_map(|rest| rest.split("```").next()).collect();
-    assert_eq!(blocks.len(), 3);
+    assert_eq!(blocks.len(), 4);
     for block in blocks {
         // Grey and webcam formats have the eight bits of the board's file.
         parse(&with(block)).unwrap_or_else(|error| panic!("{error}\n{block}"));

@@ -15,9 +15,12 @@ const LINES_MAX: usize = 500;
 /// Longest line in columns, comments too.
 const COLUMNS_MAX: usize = 100;
 
+/// Reads the kernel's folder of USB devices.
+const USB: &str = "rig/camera/genicam/usb";
+
 /// Modules that may touch files.
 const FILES_ALLOWED: &[&str] =
-    &["disk/", "calibration/store", "picture/", "config/", "daemon/", "commands/"];
+    &["disk/", "calibration/store", "picture/", "config/", "daemon/", "commands/", USB];
 
 fn source_files(folder: &str) -> Vec<(String, String)> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));

@@ -1,18 +1,36 @@
 //! Kinds of cameras, one folder each.
 
+#[cfg(feature = "genicam")]
+pub mod genicam;
 pub mod v4l2;
 
 use self::v4l2::{CameraSettings, V4l2Camera};
 use super::{Camera, RigError};
-use crate::config::{CameraTable, Hardware};
+use crate::config::{CameraDevice, CameraTable, Hardware};
 
 /// Opens the camera of a rig.
 ///
 /// # Errors
-/// As [`CameraSettings::of`] and [`V4l2Camera::open`].
+/// As the constructors of its settings, and `open`.
 pub(super) fn open(
     camera: &CameraTable,
     hardware: &Hardware,
 ) -> Result<Box<dyn Camera + Send>, RigError> {
-    Ok(Box::new(V4l2Camera::open(CameraSettings::of(camera, hardware)?)?))
+    match &hardware.camera {
+        CameraDevice::V4l2(device) => {
+            let settings = CameraSettings::of(camera, device, &hardware.trigger)?;
+            Ok(Box::new(V4l2Camera::open(settings)?))
+        }
+        #[cfg(feature = "genicam")]
+        CameraDevice::Genicam(device) => {
+            let settings = genicam::GenicamSettings::of(camera, device)?;
+            Ok(Box::new(genicam::GenicamCamera::open(settings)?))
+        }
+        #[cfg(not(feature = "genicam"))]
+        CameraDevice::Genicam(_) => Err(RigError::Refused {
+            device: "camera",
+            found: "kind = \"genicam\" in [hardware.camera]".to_owned(),
+            allowed: "\"v4l2\"; this relens was built without `--features genicam`".to_owned(),
+        }),
+    }
 }

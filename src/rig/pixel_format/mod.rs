@@ -124,9 +124,26 @@ impl PixelFormat {
         ]
     };
 
-    /// Format of a four-character code (`"GREY"`, `"RG10"`, …); `None` if it is not supported.
+    /// Format of a four-character code (`"GREY"`, `"RG10"`, …) or of a name in the Pixel Format
+    /// Naming Convention (`"Mono8"`, `"BayerRG12p"`, …); `None` if it is not supported.
     pub fn from_code(code: &str) -> Option<Self> {
-        Self::ALL.iter().find(|(name, _)| *name == code.trim_end()).map(|&(_, format)| format)
+        let known = Self::ALL.iter().find(|(name, _)| *name == code.trim_end());
+        known.map(|&(_, format)| format).or_else(|| Self::from_pfnc(code))
+    }
+
+    /// Format of a name in the Pixel Format Naming Convention.
+    fn from_pfnc(name: &str) -> Option<Self> {
+        if let Some(samples) = name.strip_prefix("Mono") {
+            return Samples::from_pfnc(samples).map(PixelFormat::Grey);
+        }
+        match name {
+            "RGB8" | "RGB8Packed" => Some(PixelFormat::Rgb24),
+            "BGR8" | "BGR8Packed" => Some(PixelFormat::Bgr24),
+            _ => Some(PixelFormat::Bayer {
+                samples: Samples::from_pfnc(name.strip_prefix("Bayer")?.get(2..)?)?,
+                mosaic: Mosaic::of_format(name)?,
+            }),
+        }
     }
 
     /// Format of a code for counts of `bits`. Fewer than 16 bits in a format of 16 are the upper
@@ -151,7 +168,7 @@ impl PixelFormat {
                 Some(PixelFormat::raw(simulation.sensor.mosaic?, rig.camera.bits))
             }
             config::Kind::Hardware(hardware) => {
-                Self::from_code_and_bits(&hardware.camera.format, rig.camera.bits)
+                Self::from_code_and_bits(hardware.camera.format(), rig.camera.bits)
             }
         }
     }
@@ -202,6 +219,21 @@ impl PixelFormat {
             PixelFormat::Rgb24 | PixelFormat::Bgr24 => 8,
             PixelFormat::YCbCr(_) | PixelFormat::Jpeg => 8,
         }
+    }
+
+    /// Whether rows of `width` pixels end with a byte in every packing.
+    pub fn has_whole_rows(self, width: usize) -> bool {
+        match self {
+            PixelFormat::Grey(samples) | PixelFormat::Bayer { samples, .. } => {
+                samples.has_whole_rows(width)
+            }
+            _ => true,
+        }
+    }
+
+    /// Bytes of a row of `width` pixels, without padding.
+    pub fn row_bytes(self, width: usize) -> usize {
+        self.layout(Size::new(width, 1)).0
     }
 
     /// Whether its values depend on the range stated by the driver.

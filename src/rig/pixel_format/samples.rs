@@ -19,15 +19,50 @@ pub enum Samples {
         /// 10 or 12.
         bits: u8,
     },
+    /// Packing of USB3 Vision (`…p` in the Pixel Format Naming Convention 2.4): a stream of bits,
+    /// the lowest of the first sample first.
+    Stream {
+        /// 10 or 12.
+        bits: u8,
+    },
+    /// Packing of GigE Vision (`…Packed`): the upper eight bits of a sample, a byte with the lower
+    /// bits of both in its halves, those of the first lowest, the upper eight bits of the other.
+    Pair {
+        /// 10 or 12.
+        bits: u8,
+    },
 }
 
 impl Samples {
+    /// Coding of the end of a name in the Pixel Format Naming Convention, such as `12p`.
+    pub(super) fn from_pfnc(ending: &str) -> Option<Samples> {
+        Some(match ending {
+            "8" => Samples::Bytes,
+            "10" => Samples::Words { bits: 10, shift: 0 },
+            "12" => Samples::Words { bits: 12, shift: 0 },
+            "16" => Samples::Words { bits: 16, shift: 0 },
+            "10p" => Samples::Stream { bits: 10 },
+            "12p" => Samples::Stream { bits: 12 },
+            "10Packed" => Samples::Pair { bits: 10 },
+            "12Packed" => Samples::Pair { bits: 12 },
+            _ => return None,
+        })
+    }
+
     /// Bits of a count.
     pub fn bits(self) -> u8 {
         match self {
             Samples::Bytes => 8,
-            Samples::Words { bits, .. } | Samples::Packed { bits } => bits,
+            Samples::Words { bits, .. }
+            | Samples::Packed { bits }
+            | Samples::Stream { bits }
+            | Samples::Pair { bits } => bits,
         }
+    }
+
+    /// Whether `width` samples are whole groups.
+    pub(super) fn has_whole_rows(self, width: usize) -> bool {
+        width.is_multiple_of(self.group().0)
     }
 
     /// The coding with `bits` in the upper part of 16-bit words; others are unchanged.
@@ -53,8 +88,8 @@ impl Samples {
         match self {
             Samples::Bytes => (1, 1),
             Samples::Words { .. } => (1, 2),
-            Samples::Packed { bits: 10 } => (4, 5),
-            Samples::Packed { .. } => (2, 3),
+            Samples::Packed { bits: 10 } | Samples::Stream { bits: 10 } => (4, 5),
+            Samples::Packed { .. } | Samples::Stream { .. } | Samples::Pair { .. } => (2, 3),
         }
     }
 
@@ -75,6 +110,24 @@ impl Samples {
                 let mask = ((1u32 << bits) - 1) as u16;
                 for (count, word) in counts.iter_mut().zip(row.chunks_exact(bytes)) {
                     *count = (u16::from_le_bytes([word[0], word[1]]) >> shift) & mask;
+                }
+            }
+            Samples::Stream { bits } => {
+                let mask = (1u64 << bits) - 1;
+                for (counts, packed) in counts.chunks_mut(group).zip(row.chunks_exact(bytes)) {
+                    let all = packed.iter().rev().fold(0, |all, &byte| all << 8 | u64::from(byte));
+                    for (n, count) in counts.iter_mut().enumerate() {
+                        *count = (all >> (n * usize::from(bits)) & mask) as u16;
+                    }
+                }
+            }
+            Samples::Pair { bits } => {
+                let (low_bits, mask) = (bits - 8, (1u16 << (bits - 8)) - 1);
+                for (counts, packed) in counts.chunks_mut(group).zip(row.chunks_exact(bytes)) {
+                    for (n, count) in counts.iter_mut().enumerate() {
+                        let low = u16::from(packed[1]) >> (4 * n) & mask;
+                        *count = u16::from(packed[2 * n]) << low_bits | low;
+                    }
                 }
             }
             Samples::Packed { bits } => {

@@ -46,6 +46,36 @@ fn wide_grey_is_little_endian_and_masked_to_its_bits() {
 }
 
 #[test]
+fn names_of_the_naming_convention_have_its_packings() {
+    // Figures of PFNC 2.4 for `p`; those of GigE Vision 2.0 for `Packed`.
+    for (name, bytes, want) in [
+        ("Mono8", &[7, 8][..], &[7, 8][..]),
+        ("Mono16", &[0x34, 0x12], &[0x1234]),
+        ("Mono12p", &[0x34, 0x52, 0x67], &[0x234, 0x675]),
+        ("Mono10p", &[0xff, 0x03, 0xf0, 0x7f, 0x40], &[0x3ff, 0, 0x3ff, 0x101]),
+        ("Mono12Packed", &[0xab, 0xdc, 0xef], &[0xabc, 0xefd]),
+        ("Mono10Packed", &[0xff, 0x13, 0x40], &[0x3ff, 0x101]),
+    ] {
+        let size = Size::new(want.len(), 1);
+        let counts = unpacked(name, bytes, size, bytes.len());
+        assert_eq!(counts.plane(Channel::Green).data(), want, "{name}");
+    }
+    let mosaics =
+        [("RG", Mosaic::Rggb), ("GR", Mosaic::Grbg), ("GB", Mosaic::Gbrg), ("BG", Mosaic::Bggr)];
+    for (letters, mosaic) in mosaics {
+        let format = PixelFormat::from_code(&format!("Bayer{letters}12p")).expect("a format");
+        assert_eq!((format.mosaic(), format.bits()), (Some(mosaic), 12));
+        assert_eq!(Mosaic::of_format(&format!("Bayer{letters}12p")), Some(mosaic));
+        assert!(format.has_whole_rows(1328) && !format.has_whole_rows(1327));
+    }
+    for unknown in ["Mono", "Mono14", "BayerRG", "BayerXX8", "Bayer", "BayerRG8é", "é"] {
+        assert_eq!(PixelFormat::from_code(unknown), None, "{unknown}");
+    }
+    let upper = PixelFormat::from_code_and_bits("BayerRG16", 12).expect("the upper bits");
+    assert_eq!(upper.bits(), 12);
+}
+
+#[test]
 fn three_bytes_keep_their_order() {
     let want = [vec![1, 4], vec![2, 5], vec![3, 6]];
     for (code, bytes) in [("RGB3", [1, 2, 3, 4, 5, 6]), ("BGR3", [3, 2, 1, 6, 5, 4])] {

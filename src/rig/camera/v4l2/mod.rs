@@ -22,7 +22,7 @@ use finding::{busy_or, by_card, by_link, gone};
 use kernel::{Node, Settled};
 use ring::Ring;
 
-use crate::config::{CameraTable, ExposureBy, Hardware, Stamps, TriggerDevice};
+use crate::config::{CameraTable, ExposureBy, Stamps, TriggerDevice, V4l2Device};
 use crate::frame::{Counts, Plane, Size};
 use crate::picture::worker::Worker;
 use crate::rig::monotonic::Monotonic;
@@ -59,8 +59,12 @@ impl CameraSettings {
     /// # Errors
     /// [`RigError::Refused`] for an unsupported pixel format, or one whose depth is not
     /// `camera.bits`.
-    pub fn of(camera: &CameraTable, hardware: &Hardware) -> Result<Self, RigError> {
-        let (bits, device) = (camera.bits, &hardware.camera);
+    pub fn of(
+        camera: &CameraTable,
+        device: &V4l2Device,
+        trigger: &TriggerDevice,
+    ) -> Result<Self, RigError> {
+        let bits = camera.bits;
         let format = PixelFormat::from_code_and_bits(&device.format, bits).ok_or_else(|| {
             let fits = |code: &str| PixelFormat::from_code_and_bits(code, bits).is_some();
             let allowed = PixelFormat::ALL.iter().filter(|(code, _)| fits(code));
@@ -96,7 +100,7 @@ impl CameraSettings {
                 Some(GainControl { name, value, step_db })
             }),
             stamps: device.stamps,
-            free_running: matches!(hardware.trigger, TriggerDevice::FreeRunning(_)),
+            free_running: matches!(trigger, TriggerDevice::FreeRunning(_)),
             controls: device.controls.iter().map(|(name, v)| (name.clone(), *v)).collect(),
         })
     }

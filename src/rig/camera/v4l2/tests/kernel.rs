@@ -23,7 +23,7 @@ pub(in super::super) struct DriverRules {
     pub(in super::super) is_graph: bool,
     /// The sensor's bus format follows its flips.
     pub(in super::super) flips_change_code: bool,
-    /// The stream starts once all nodes with an enabled link stream, and reports no error until then.
+    /// The stream starts once all nodes with an enabled link stream; no error until then.
     pub(in super::super) waits_for_all_nodes: bool,
     /// The receiver compares the colour fields of its pads.
     pub(in super::super) compares_colours: bool,

@@ -13,7 +13,8 @@ const CHEAP: &str = include_str!("../../../../../rig-config/raspberry-pi-5-gs.to
 fn cheap() -> CameraSettings {
     let rig = config::parse(CHEAP, "gs.toml").unwrap_or_else(|e| panic!("{e}"));
     let config::Kind::Hardware(hardware) = &rig.kind else { panic!("it is made of parts") };
-    CameraSettings::of(&rig.camera, hardware).unwrap_or_else(|e| panic!("{e}"))
+    let config::CameraDevice::V4l2(device) = &hardware.camera else { panic!("it is V4L2's") };
+    CameraSettings::of(&rig.camera, device, &hardware.trigger).unwrap_or_else(|e| panic!("{e}"))
 }
 
 /// A USB camera of 32 × 8 pixels on this thread's kernel.

@@ -1,0 +1,65 @@
+//! What the kernel grants a USB3 Vision camera: its node and the memory of its frames.
+
+use std::fs::read_to_string;
+use std::path::{Path, PathBuf};
+
+use rustix::fs::Access;
+
+use super::finding::refused;
+use crate::rig::RigError;
+
+/// Fails if there is a USB3 Vision camera (class ef, subclass 05 of the interface; USB3 Vision 1.0)
+/// that this user may not open, under the file system `root`.
+///
+/// # Errors
+/// [`RigError::Refused`] for such a camera.
+pub(super) fn refuse_forbidden(root: &Path) -> Result<(), RigError> {
+    for interface in std::fs::read_dir(root.join("sys/bus/usb/devices")).into_iter().flatten() {
+        let Ok(interface) = interface else { continue };
+        let value = |path: PathBuf| read_to_string(path).map(|text| text.trim().to_owned());
+        let is = |name, wanted| value(interface.path().join(name)).is_ok_and(|has| has == wanted);
+        if !is("bInterfaceClass", "ef") || !is("bInterfaceSubClass", "05") {
+            continue;
+        }
+        // An interface is called after its device: 2-1:1.0 of 2-1.
+        let name = interface.file_name().to_string_lossy().into_owned();
+        let device = interface.path().with_file_name(name.split(':').next().unwrap_or_default());
+        let number = |name| value(device.join(name)).ok().and_then(|n| n.parse::<u32>().ok());
+        let (Some(bus), Some(device)) = (number("busnum"), number("devnum")) else { continue };
+        let node = root.join(format!("dev/bus/usb/{bus:03}/{device:03}"));
+        if rustix::fs::access(&node, Access::READ_OK | Access::WRITE_OK).is_err() {
+            return Err(refused(
+                format!("a USB3 Vision camera at {}, closed to this user", node.display()),
+                "one that the user may read and write: the udev rule for USB3 Vision in \
+                 70-relens.rules, and the group `video`",
+            ));
+        }
+    }
+    Ok(())
+}
+
+/// Refuses a stream that needs more memory than the kernel grants all of USB.
+///
+/// # Errors
+/// [`RigError::Refused`] if `buffers` of `frame_bytes` are more than `granted_mb`, as read from
+/// `usbfs_memory_mb` under the file system `root`; 0 is no limit.
+pub(super) fn check_memory(
+    root: &Path,
+    buffers: usize,
+    frame_bytes: usize,
+) -> Result<(), RigError> {
+    let granted_mb = read_to_string(root.join("sys/module/usbcore/parameters/usbfs_memory_mb"));
+    let needed_mb = (buffers * frame_bytes).div_ceil(1 << 20);
+    match granted_mb.unwrap_or_default().trim().parse::<usize>() {
+        Ok(granted) if granted != 0 && granted < needed_mb => Err(refused(
+            format!(
+                "usbfs_memory_mb = {granted} of the kernel, with frames of {frame_bytes} bytes"
+            ),
+            &format!(
+                "{needed_mb} or more: usbcore.usbfs_memory_mb={} on the kernel's command line",
+                needed_mb.next_power_of_two().max(128)
+            ),
+        )),
+        _ => Ok(()),
+    }
+}
