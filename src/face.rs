@@ -301,5 +301,6 @@ impl<E: Remediable + Send + Sync + 'static> From<E> for Error {
     }
 }
 
-#[cfg(all(test, feature = "genicam"))]
+#[cfg(feature = "genicam")]
+#[cfg(test)]
 mod genicam_box_tests;

@@ -110,8 +110,9 @@ fn a_photo_is_taken_and_restored_through_a_camera_on_the_loopback() {
     let settings = GenicamSettings::of(&rig.camera, device).unwrap();
     let camera = GenicamCamera::open(settings).unwrap_or_else(|e| panic!("{e}"));
     let timing = Timing::of(&rig.panel, &rig.camera);
-    let ends: (Box<dyn Panel + Send>, _) = (Box::new(light.clone()), Box::new(light.clone()));
-    let devices = Devices::new(ends.0, ends.1, Box::new(camera), Box::new(Monotonic), timing);
+    let panel = Box::new(light.clone());
+    let devices =
+        Devices::new(panel, Box::new(light), Box::new(camera), Box::new(Monotonic), timing);
     // A frame has sixty packets.
     fake.lose_packets(0.001);
     box_works(&rig, devices, &witness);
