@@ -80,7 +80,7 @@ impl<'a> Daemon<'a> {
     ) -> Result<Daemon<'a>, DaemonError> {
         Ok(Daemon {
             restorer,
-            clocks: Clocks { clock, calendar },
+            clocks: Clocks::new(clock, calendar),
             watcher,
             schedule: Box::new(()),
             inbox: Inbox::new(if setting.hints { Hints::new() } else { Hints::none() }),
@@ -98,11 +98,12 @@ impl<'a> Daemon<'a> {
         self
     }
 
-    /// Sets the limits of kept results and originals. Ages count while `is_calendar_trusted`: to a
-    /// board that boots in the wrong year everything would look old.
+    /// Sets the limits of kept results and originals. While `is_calendar_trusted`, ages count and
+    /// dates of reports follow jumps: to a board that boots in the wrong year all would look old.
     #[must_use]
     pub fn keeping(mut self, keep: Keep, is_calendar_trusted: &'a dyn Fn() -> bool) -> Daemon<'a> {
         self.upkeep.keeping = Keeping::new(keep, is_calendar_trusted);
+        self.clocks.is_trusted = is_calendar_trusted;
         self
     }
 
@@ -394,6 +395,7 @@ impl<'a> Daemon<'a> {
             restorer: &mut *self.restorer,
             clock: self.clocks.clock,
             unix_s: &|| self.clocks.unix_s(),
+            date: &|| self.clocks.date(),
             watcher: &mut *self.watcher,
             unsettled: &mut self.upkeep.unsettled,
         };

@@ -11,7 +11,7 @@ pub fn unix_s(time: SystemTime) -> f64 {
 }
 
 /// Smallest jump of the calendar against the monotonic clock that is reported, seconds.
-const JUMP_S: f64 = 60.0;
+pub(crate) const JUMP_S: f64 = 60.0;
 
 /// Judge of the calendar.
 #[derive(Debug, Clone)]

@@ -168,6 +168,19 @@ pub(super) fn tiff_of_a_camera() -> Flaw {
     Flaw::Unread { found: "a camera raw photo", to_do: DEVELOP }
 }
 
+/// Signatures of files that programs and cameras write beside photos: place, bytes, name.
+const BESIDE: &[(usize, &[u8], &str)] = &[
+    (4, b"ftyp", "a video"),
+    (4, b"moov", "a video"),
+    (0, b"\x1a\x45\xdf\xa3", "a video"),
+    (0, b"RIFF", "a RIFF sound or video file"),
+    (0, b"ID3", "a sound file"),
+    (0, b"<?xml", "an XML text"),
+    (0, b"<x:xmpmeta", "an XML text"),
+    (0, b"<?xpacket", "an XML text"),
+    (0, b"SQLite format 3\0", "a database"),
+];
+
 /// Signatures of other files: place, bytes, name.
 const FOREIGN: &[(usize, &[u8], &str)] = &[
     (0, b"%PDF", "a PDF document"),
@@ -176,14 +189,32 @@ const FOREIGN: &[(usize, &[u8], &str)] = &[
     (0, b"7z\xbc\xaf", "a 7z archive"),
     (0, b"\x7fELF", "a program"),
     (0, b"MZ", "a Windows program"),
-    (4, b"ftyp", "a video"),
     (0, b"<svg", "an SVG drawing"),
-    (0, b"<?xml", "an XML text"),
     (0, b"<!DOCTYPE html", "a web page"),
     (0, b"<html", "a web page"),
-    (0, b"ID3", "a sound file"),
-    (0, b"RIFF", "a RIFF sound or video file"),
 ];
+
+/// Bytes of a file that [`is_companion`] looks at.
+pub const HEAD_BYTES: u64 = 512;
+
+/// Whether a file called `name`, which is `usual` for files beside photos or not, and which begins
+/// with `head`, is no photo: a file named as one never is, nor is what begins as a photo.
+pub fn is_companion(name: &OsStr, usual: bool, head: impl FnOnce() -> Option<Vec<u8>>) -> bool {
+    let ending = Path::new(name).extension().map(|ending| ending.to_string_lossy());
+    if ending.is_some_and(|ending| is_photo_ending(&ending)) {
+        return false;
+    }
+    let Some(head) = head() else { return usual };
+    match recognise(&head) {
+        Ok(_) | Err(Flaw::Unread { .. }) => false,
+        Err(_) => usual || BESIDE.iter().any(|(from, magic, _)| begins(&head, *from, magic)),
+    }
+}
+
+/// Whether `bytes` have `magic` at `from`.
+fn begins(bytes: &[u8], from: usize, magic: &[u8]) -> bool {
+    bytes.get(from..).is_some_and(|bytes| bytes.starts_with(magic))
+}
 
 /// The kind of `bytes`.
 ///
@@ -198,7 +229,7 @@ pub(super) fn recognise(bytes: &[u8]) -> Result<Content, Flaw> {
     if zeros >= HOLE_BYTES.min(bytes.len()) {
         return Err(Flaw::ZeroFilled { from: 0, to: zeros, length: bytes.len() });
     }
-    let at = |at: usize, magic: &[u8]| bytes.get(at..).is_some_and(|b| b.starts_with(magic));
+    let at = |from: usize, magic: &[u8]| begins(bytes, from, magic);
     if let Some((.., found, to_do)) = UNREAD.iter().find(|(from, magic, ..)| at(*from, magic)) {
         return Err(Flaw::Unread { found, to_do });
     }
@@ -215,7 +246,7 @@ pub(super) fn recognise(bytes: &[u8]) -> Result<Content, Flaw> {
     if let Some((_, content)) = read.into_iter().find(|(is, _)| *is) {
         return Ok(content);
     }
-    let foreign = FOREIGN.iter().find(|(from, magic, _)| at(*from, magic));
+    let foreign = BESIDE.iter().chain(FOREIGN).find(|(from, magic, _)| at(*from, magic));
     let found = match foreign {
         Some((_, _, name)) => (*name).to_owned(),
         None if looks_like_text(bytes) => "a text".to_owned(),
@@ -305,6 +336,24 @@ mod tests {
         assert!(misnamed("holiday.dng", Content::Written(Format::Tiff), false).is_some());
         let words = misnamed("holiday.jpg", png, false).unwrap();
         assert!(words.contains("named .jpg and holds a PNG"), "{words}");
+    }
+
+    #[test]
+    fn companions_are_known_by_name_and_content() {
+        let is = |name: &str, usual: bool, head: &[u8]| {
+            is_companion(OsStr::new(name), usual, || Some(head.to_vec()))
+        };
+        assert!(is("IMG_1.MOV", true, b"\0\0\0\x14ftypqt  "));
+        assert!(is("PXL_1.MP", false, b"\0\0\0\x18ftypmp42"));
+        assert!(is("Photos", false, b"SQLite format 3\0"));
+        assert!(is("a.json", true, b"{}") && is("a.log", true, b""));
+        // Photos under other names, and photos that are not what they are called.
+        assert!(!is("a.log", true, b"\xff\xd8\xff\xe0"));
+        assert!(!is("a.bin", true, b"\0\0\0\x18ftypheic"));
+        assert!(!is("a.jpg", false, b"\0\0\0\x18ftypmp42"));
+        assert!(!is("letter", false, b"Dear Sir or Madam,\n"));
+        let unreadable = |usual| is_companion(OsStr::new("a.xmp"), usual, || None);
+        assert!(unreadable(true) && !unreadable(false));
     }
 
     #[test]

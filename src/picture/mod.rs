@@ -51,7 +51,7 @@ pub use decode::{Limits, PixelLayout};
 pub use dng::{CameraColours, Dng, PhotoCamera, RawTags, RigSetting};
 pub use encode::{encode, preview};
 pub use flaw::{Flaw, Growth, PictureError};
-pub use kind::{Format, result_name};
+pub use kind::{Format, HEAD_BYTES, is_companion, result_name};
 pub use photo::{FileFacts, Manner, Photo, embedded};
 pub use reading::{ReadOptions, bytes_of, whole};
 pub use tone::Tone;

@@ -5,11 +5,10 @@
 //! for a while) *and* its content is complete. A quiet, incomplete one waits and is reported.
 
 use std::collections::{BTreeMap, HashMap};
-use std::ffi::OsStr;
 use std::io::ErrorKind;
-use std::os::unix::ffi::OsStrExt;
 use std::path::{Path, PathBuf};
 
+use super::companions::{KINDS, is_companion_at, is_hidden, is_junk};
 use super::folders::Folders;
 use super::hints::Hints;
 use super::report_file::Failed;
@@ -74,7 +73,9 @@ pub(crate) struct Inbox {
     deferred: BTreeMap<PathBuf, Failed>,
     hints: Hints,
     waiting: Waiting,
-    /// Files beside the photos, which stay.
+    /// Files that are companions or not by their content, examined once while they do not change.
+    examined: HashMap<PathBuf, (Metadata, bool)>,
+    /// Number of files beside the photos, which stay.
     companions: usize,
 }
 
@@ -97,6 +98,7 @@ impl Inbox {
             deferred: BTreeMap::new(),
             hints,
             waiting: Waiting::default(),
+            examined: HashMap::new(),
             companions: 0,
         }
     }
@@ -113,7 +115,18 @@ impl Inbox {
         self.hints.watch(inbox, Path::new(""));
         let mut scan = InboxScan::default();
         collect(files, inbox, Path::new(""), 0, &mut scan)?;
-        let InboxScan { found, mut deferred, folders, companions } = scan;
+        let InboxScan { mut found, mut deferred, folders, mut companions } = scan;
+        let before = std::mem::take(&mut self.examined);
+        found.retain(|(path, metadata)| {
+            let examined = before.get(path).filter(|(known, _)| known == metadata);
+            let is_companion = examined.map_or_else(
+                || is_companion_at(files, &inbox.join(path), metadata.kind),
+                |(_, is_companion)| *is_companion,
+            );
+            companions += usize::from(is_companion);
+            self.examined.insert(path.clone(), (*metadata, is_companion));
+            !is_companion
+        });
         if companions > self.companions {
             log::info!("{companions} files beside photos stay in the inbox: {KINDS}");
         }
@@ -327,7 +340,7 @@ fn collect(
         listed => listed?,
     };
     for (name, kind) in listed {
-        if is_junk(&name) {
+        if is_junk(&name, kind) {
             scan.companions += usize::from(!is_hidden(&name));
             continue;
         }
@@ -351,76 +364,48 @@ fn collect(
     Ok(())
 }
 
-/// Whether `name` begins with a dot.
-pub(crate) fn is_hidden(name: &OsStr) -> bool {
-    name.as_bytes().starts_with(b".")
-}
-
-/// The kinds of companions, for the log.
-const KINDS: &str = "sidecars, movies, sounds, thumbnails, catalogues, files still being sent";
-
-/// Names of files and folders of systems, shares and photo programs.
-const NAMES: &str = "$recycle.bin/#recycle/@eadir/@recycle/@tmp/__macosx/desktop.ini/ehthumbs.db/\
-    icon\r/ipod photo cache/lost+found/network trash folder/picasa.ini/system volume information/\
-    temporary items/thumbnails/thumbs.db/zbthumbnail.info";
-
-/// Endings of files that lie beside photos: uploads under way; sidecars and catalogues of photo
-/// programs; what cameras write beside photos; movies and sounds.
-const ENDINGS: &str = "\
-    !sync !ut aria2 bc! crdownload download filepart lock opdownload part partial swp tacitpart \
-    temp tmp \
-    aae acr arp cof comask cop cos cot db db-journal db-shm db-wal dop exv ini json lnk lrcat \
-    lrprev nksc on1 pp3 rpp spd url vrd xmp \
-    bdm bin cpi ctg dat gis gpx idx lrf lrv log mrk nav obs srt thm xml \
-    3gp aac avi insv m2ts m4a m4v mov mp3 mp4 mpg mts wav webm wmv";
-
-/// Whether `name` is a file beside photos: of systems and shares, an upload under way, a companion.
-pub(crate) fn is_junk(name: &OsStr) -> bool {
-    let lower = name.to_string_lossy().to_lowercase();
-    // Alternate streams keep their colon: `a.jpg:Zone.Identifier`.
-    let ending = lower.rsplit(['.', ':']).next().filter(|ending| ending.len() < lower.len());
-    is_hidden(name)
-        || lower.starts_with("~$")
-        || lower.ends_with('~')
-        || lower.ends_with("zone.identifier")
-        || NAMES.split('/').any(|junk| junk == lower)
-        || ending.is_some_and(|ending| ENDINGS.split(' ').any(|junk| junk == ending))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
-    fn junk_and_half_uploads_are_not_photos() {
-        for junk in
-            [".DS_Store", "._a.jpg", "Thumbs.db", "a.jpg.part", "a.jpg~", ".a.jpg.Xy12", "~$a.docx"]
-        {
-            assert!(is_junk(OsStr::new(junk)), "{junk}");
-        }
-        for companion in [
-            "IMG_1.AAE",
-            "IMG_1.MOV",
-            "MVI_2.THM",
-            "a.jpg.json",
-            "a.xmp",
-            "a.jpg.pp3",
-            "a.NEF.dop",
-            "a.jpg:Zone.Identifier",
-            "Picasa.ini",
-            "digikam4.db",
-            "100_0001_Timestamp.MRK",
-            "a.jpg.!sync",
-            "a.jpg.aria2",
-            "Icon\r",
-            "Thumbnails",
-            "Network Trash Folder",
+    fn a_set_of_companions_is_set_aside_and_the_photos_among_them_are_taken() {
+        let root = tempfile::tempdir().unwrap();
+        let folders = Folders::open(root.path()).unwrap();
+        let write = |name: &str, bytes: &[u8]| {
+            std::fs::write(folders.inbox().join(name), bytes).unwrap();
+        };
+        for (name, bytes) in [
+            ("IMG_1.AAE", &b"<?xml"[..]),
+            ("IMG_1.MOV", b"\0\0\0\x14ftypqt  "),
+            ("PXL_1.MP", b"\0\0\0\x18ftypmp42"),
+            ("a.jpg.json", b"{}"),
+            ("a.jpg.pp3", b"[Version]"),
+            ("a.NEF.dop", b"Sidecar = {"),
+            ("digikam4.db", b"SQLite format 3\0"),
+            ("100_0001_Timestamp.MRK", b"1"),
+            ("catalogue", b"SQLite format 3\0"),
+            ("a.jpg.aria2", b"\0\x01"),
         ] {
-            assert!(is_junk(OsStr::new(companion)), "{companion}");
+            write(name, bytes);
         }
-        for photo in ["partial eclipse.jpg", "mov", "a.mov.jpg", "json", "part", "thumbnails.jpg"] {
-            assert!(!is_junk(OsStr::new(photo)), "{photo}");
-        }
+        let photo = b"\xff\xd8\xff\xe0 a photo";
+        write("a.jpg", photo);
+        write("a.log", photo);
+        write("letter", b"Dear Sir");
+        let mut inbox = Inbox::new(Hints::none());
+        let patience =
+            Patience { quiet_s: 0.0, mention_s: 0.0, unfinished_s: 0.0, trusted_unix_s: None };
+        let mut scan = || {
+            let ready = inbox.scan(&folders, Moment(0.0), patience).unwrap().photos;
+            let names = ready.iter().map(|path| path.to_string_lossy().into_owned());
+            (names.collect::<std::collections::BTreeSet<_>>(), inbox.companions)
+        };
+        let photos = |names: &[&str]| names.iter().map(|name| (*name).to_owned()).collect();
+        assert_eq!(scan(), (photos(&["a.jpg", "a.log", "letter"]), 10));
+        // A changed file is examined again.
+        write("a.jpg.json", photo);
+        assert_eq!(scan(), (photos(&["a.jpg", "a.jpg.json", "a.log", "letter"]), 9));
     }
 
     #[test]

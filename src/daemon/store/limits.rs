@@ -19,9 +19,9 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
+use super::companions::is_hidden;
 use super::error::FolderError;
 use super::folders::Folders;
-use super::inbox::is_hidden;
 use super::ledger::Ledger;
 use super::names::{PictureNames, report_name};
 use super::report_file::{Delivered, read_report};

@@ -13,6 +13,7 @@
 //! [`recover::settle`] does.
 
 pub(super) mod claim;
+pub(super) mod companions;
 pub(super) mod deliver;
 pub(super) mod error;
 pub(super) mod folders;

@@ -10,8 +10,8 @@ use std::ffi::{OsStr, OsString};
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
+use super::companions::is_hidden;
 use super::folders::Folders;
-use super::inbox::is_hidden;
 use super::ledger::Ledger;
 use super::names::report_name;
 use super::report_file::read_report;
