@@ -20,6 +20,7 @@ pub fn camera_frame(bytes: &[u8], size: Size) -> Result<Counts, Flaw> {
         bytes_max: (BYTES_A_PIXEL_MAX * size.area() + (64 << 10)) as u64,
         pixels_max: size.area() as u64,
         decoder_bytes_max: 1 << 20 | (8 * size.area()) as u64,
+        grid: None,
     };
     if !bytes.starts_with(&[0xff, 0xd8]) {
         let (found, allowed) = (format!("{} bytes that begin otherwise", bytes.len()), "ff d8");

@@ -13,13 +13,13 @@ use image::codecs::{
 use image::{ColorType, ImageDecoder};
 use serde::{Deserialize, Serialize};
 
-use crate::frame::{Coding, Size};
+use crate::frame::{Coding, PhotoGrid, Size};
 
 use super::dng::{self, RawFile, Sites};
 use super::kind::{Content, Format, recognise};
 use super::metadata::{Lost, Walked};
 use super::tone::StatedColours;
-use super::{Flaw, Orientation, exif, jpeg, others, png, tiff};
+use super::{Flaw, Orientation, exif, jpeg, others, png, shape, tiff};
 
 /// The resources that one photo may take.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -30,13 +30,28 @@ pub struct Limits {
     pub pixels_max: u64,
     /// Most memory the decoder may allocate, in bytes.
     pub decoder_bytes_max: u64,
+    /// The rig's photo and sensor: a developed photo of another shape than both is not decoded.
+    pub grid: Option<PhotoGrid>,
+}
+
+impl Limits {
+    /// The same limits for photos on `grid`.
+    #[must_use]
+    pub fn on(self, grid: PhotoGrid) -> Limits {
+        Limits { grid: Some(grid), ..self }
+    }
 }
 
 impl Default for Limits {
     /// A 24-megapixel photo in 16-bit TIFF, and a third more: on a 4 GiB board its planes take a
     /// fifth of the memory. Guess.
     fn default() -> Self {
-        Limits { bytes_max: 256 << 20, pixels_max: 32_000_000, decoder_bytes_max: 512 << 20 }
+        Limits {
+            bytes_max: 256 << 20,
+            pixels_max: 32_000_000,
+            decoder_bytes_max: 512 << 20,
+            grid: None,
+        }
     }
 }
 
@@ -254,6 +269,9 @@ fn collect<D: ImageDecoder>(
     let icc = decoder.icc_profile().unwrap_or(None).filter(|icc| !icc.is_empty());
     let exif = decoder.exif_metadata().unwrap_or(None).filter(|exif| !exif.is_empty());
     let orientation = decoder.orientation().unwrap_or(Orientation::NoTransforms);
+    if let Some(grid) = limits.grid {
+        shape::check(size, orientation, grid)?;
+    }
     let has_xmp = matches!(decoder.xmp_metadata(), Ok(Some(block)) if !block.is_empty());
     // Set only now, because the TIFF decoder would limit the profile by the picture's size. Up to
     // here its default limits hold.

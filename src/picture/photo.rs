@@ -17,7 +17,6 @@ use super::metadata::Lost;
 use super::reading::{open, read_bytes};
 use super::{
     CameraColours, Flaw, Orientation, PhotoCamera, PictureError, PixelLayout, Tone, shape, tone,
-    turn,
 };
 use crate::config::{Curve, RawResults};
 
@@ -145,7 +144,9 @@ impl Photo {
         limits: &Limits,
     ) -> Result<Photo, PictureError> {
         let refused = |flaw| PictureError::Refused { name: name.to_owned(), flaw };
-        let raster = decode(bytes, limits).map_err(refused)?;
+        // A maker's raw photo has another sentence than that on its preview's shape.
+        let grid = limits.grid.filter(|_| !is_raw_name(name));
+        let raster = decode(bytes, &Limits { grid, ..*limits }).map_err(refused)?;
         let is_tiff = raster.content == Content::Written(Format::Tiff);
         if is_tiff && raster.sites.is_none() && is_raw_name(name) {
             return Err(refused(tiff_of_a_camera()));
@@ -244,7 +245,8 @@ impl Photo {
     /// [`Flaw::Shape`] when its shape is another, [`Flaw::RawSize`] when it is raw and of another
     /// size.
     pub fn fit(mut self, grid: impl Into<PhotoGrid>) -> Result<Photo, PictureError> {
-        let PhotoGrid { sensor, photo } = grid.into();
+        let grid = grid.into();
+        let PhotoGrid { sensor, photo } = grid;
         let (found, allowed) = (self.light.size(), photo.size);
         if found == allowed {
             let ours = self.camera.as_ref().is_some_and(|camera| camera.setting.is_some());
@@ -266,9 +268,7 @@ impl Photo {
             let flaw = Flaw::RawSize { found, allowed, sensor };
             return Err(PictureError::Refused { name: self.name, flaw });
         }
-        if !shape::same_shape(found, allowed) {
-            let held = self.portrait_note(allowed);
-            let flaw = Flaw::Shape { found, held, allowed };
+        if let Err(flaw) = shape::check(found, self.manner.orientation, grid) {
             return Err(PictureError::Refused { name: self.name, flaw });
         }
         self.light = Frame::from_fn(|channel| match self.channels.list().contains(&channel) {
@@ -280,16 +280,6 @@ impl Photo {
         let note = format!("the photo was resampled from {found} to the rig's {allowed}{less}");
         self.losses.insert(0, note);
         Ok(self)
-    }
-
-    /// Why a photo of another shape than `allowed` would have it on its side.
-    fn portrait_note(&self, allowed: Size) -> &'static str {
-        let Size { width, height } = self.light.size();
-        match shape::same_shape(Size::new(height, width), allowed) {
-            true if turn::swaps(self.manner.orientation) => " stored on its side",
-            true => " in portrait, stored upright, which leaves open how the camera was turned",
-            false => "",
-        }
     }
 
     /// The same photo; if it is raw, with results of the format `results`.
@@ -424,6 +414,25 @@ mod tests {
         assert_eq!((why(Size::new(75, 50)), why(Size::new(45, 30))), (None, None));
         let words = why(Size::new(150, 100)).unwrap();
         assert!(words.contains("75×50 in place of 150×100"), "{words}");
+    }
+
+    #[test]
+    fn another_shape_is_refused_by_the_header_alone() {
+        let mut bytes = include_bytes!("../../tests/scenes/astronaut.png").to_vec();
+        let data = bytes.windows(4).position(|of| of == b"IDAT").unwrap() + 4;
+        // A broken stream, under a checksum that is not looked at before it is decoded.
+        bytes[data..data + 100].fill(0x55);
+        let length = u32::from_be_bytes(bytes[data - 8..data - 4].try_into().unwrap()) as usize;
+        let crc = crc32fast::hash(&bytes[data - 4..data + length]);
+        bytes[data + length..][..4].copy_from_slice(&crc.to_be_bytes());
+        let words = |limits: Limits| {
+            Photo::from_bytes("a.png", &bytes, Curve::Srgb, &limits).unwrap_err().to_string()
+        };
+        let limits = Limits::default();
+        let shape = words(limits.on(Size::new(256, 192).into()));
+        assert!(shape.contains("512×512") && shape.contains("256×192"), "{shape}");
+        assert!(!words(limits.on(Size::new(256, 256).into())).contains("256×256"));
+        assert!(!words(limits).contains("512×512"));
     }
 
     #[test]

@@ -53,7 +53,8 @@ impl ReadOptions {
     /// # Errors
     /// As [`Photo::of_file`] and [`Photo::fit`], or [`Flaw::Larger`].
     pub fn photo_of_file(&self, name: &str, file: File) -> Result<Photo, PictureError> {
-        self.finish(Photo::of_file(name, file, self.curve, &self.limits)?.fit(self.grid)?)
+        let limits = self.limits.on(self.grid);
+        self.finish(Photo::of_file(name, file, self.curve, &limits)?.fit(self.grid)?)
     }
 
     /// The photo in `bytes`, called `name`, on the rig's grid.
@@ -61,7 +62,8 @@ impl ReadOptions {
     /// # Errors
     /// As [`Photo::from_bytes`] and [`Photo::fit`], or [`Flaw::Larger`].
     pub fn photo_of_bytes(&self, name: &str, bytes: &[u8]) -> Result<Photo, PictureError> {
-        self.finish(Photo::from_bytes(name, bytes, self.curve, &self.limits)?.fit(self.grid)?)
+        let limits = self.limits.on(self.grid);
+        self.finish(Photo::from_bytes(name, bytes, self.curve, &limits)?.fit(self.grid)?)
     }
 
     /// Sets the result's format of `photo`, which is on the rig's grid, and checks its size.

@@ -1,6 +1,8 @@
 //! The aspect ratio of photos.
 
-use crate::frame::Size;
+use super::turn::swaps;
+use super::{Flaw, Orientation};
+use crate::frame::{PhotoGrid, Size};
 
 /// Whether two sizes have the same aspect ratio, up to the rounding of a side to whole pixels.
 pub(super) fn same_shape(found: Size, allowed: Size) -> bool {
@@ -8,6 +10,24 @@ pub(super) fn same_shape(found: Size, allowed: Size) -> bool {
     let (aw, ah) = (allowed.width as i128, allowed.height as i128);
     // At `found`'s width, the height of the same shape is fw·ah/aw; half a pixel is rounding.
     2 * (fw * ah - fh * aw).abs() <= aw.max(ah)
+}
+
+/// Checks that a developed photo of the size `found`, stored in `orientation`, fits `grid`.
+///
+/// # Errors
+/// [`Flaw::Shape`].
+pub(super) fn check(found: Size, orientation: Orientation, grid: PhotoGrid) -> Result<(), Flaw> {
+    let PhotoGrid { sensor, photo } = grid;
+    let allowed = photo.size;
+    if found == sensor || same_shape(found, allowed) {
+        return Ok(());
+    }
+    let held = match same_shape(Size::new(found.height, found.width), allowed) {
+        true if swaps(orientation) => " stored on its side",
+        true => " in portrait, stored upright, which leaves open how the camera was turned",
+        false => "",
+    };
+    Err(Flaw::Shape { found, held, allowed })
 }
 
 #[cfg(test)]

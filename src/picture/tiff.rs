@@ -30,6 +30,7 @@ const IMAGE_RESOURCES: u16 = 34377;
 pub(super) const STRIP_OFFSETS: u16 = 273;
 pub(super) const ROWS_PER_STRIP: u16 = 278;
 pub(super) const STRIP_BYTE_COUNTS: u16 = 279;
+const PLANAR_CONFIGURATION: u16 = 284;
 pub(super) const TILE_OFFSETS: u16 = 324;
 pub(super) const TILE_BYTE_COUNTS: u16 = 325;
 pub(super) const SUB_DIRECTORIES: u16 = 330;
@@ -222,7 +223,9 @@ impl Directory<'_> {
             of.iter().find(|(one, _)| *one == number).map(|(_, words)| (*words).to_owned())
         };
         let deep = (bits > 16 && is_whole).then(|| format!("samples of {bits} bits"));
-        match unread(&INKS, inks).or(unread(&PACKED, packing)).or(deep) {
+        let is_parted = number(PLANAR_CONFIGURATION)? == 2 && self.find(TILE_OFFSETS).is_some();
+        let parted = is_parted.then(|| "tiles of a single colour each".to_owned());
+        match unread(&INKS, inks).or(unread(&PACKED, packing)).or(deep).or(parted) {
             Some(found) => Err(Flaw::Unsupported { kind: "TIFF", found, allowed: READ }),
             None => Ok(()),
         }
@@ -460,6 +463,15 @@ mod tests {
             let flaw = walk(&with(tag, 4, value, &[])).unwrap_err().to_string();
             assert!(flaw.contains(words), "{words}: {flaw}");
         }
+        let mut parted = with(PLANAR_CONFIGURATION, 4, 2, &[]);
+        assert!(walk(&parted).is_ok(), "strips of a single colour each");
+        let tiles = [(STRIP_OFFSETS, TILE_OFFSETS), (STRIP_BYTE_COUNTS, TILE_BYTE_COUNTS)];
+        for (strips, tiles) in tiles.map(|(from, to)| (from.to_le_bytes(), to.to_le_bytes())) {
+            let at = parted.windows(2).position(|of| of == strips).unwrap();
+            parted[at..at + 2].copy_from_slice(&tiles);
+        }
+        let flaw = walk(&parted).unwrap_err().to_string();
+        assert!(flaw.contains("tiles of a single colour each"), "{flaw}");
         let light: Vec<u8> = (0..6u16).flat_map(|n| (60000 * (n % 2)).to_le_bytes()).collect();
         let stated = walk(&with(TRANSFER_FUNCTION, 3, 6, &light));
         let Some(StatedColours::Tables { tables, xy: None }) = stated.unwrap().colours else {

@@ -24,7 +24,7 @@ pub fn serve(ask: &str) -> io::Result<()> {
     let name = &ask.name;
     let read = match ask.purpose {
         Purpose::Whole => whole(name, file, &ask.limits).map(|()| Read::Whole),
-        Purpose::Photo(curve, grid) => Photo::of_file(name, file, curve, &ask.limits)
+        Purpose::Photo(curve, grid) => Photo::of_file(name, file, curve, &ask.limits.on(grid))
             .and_then(|photo| photo.fit(grid))
             .map(|photo| Read::Photo(Box::new(photo))),
         Purpose::Frame(size) => read_bytes(file, name, &ask.limits).and_then(|bytes| {

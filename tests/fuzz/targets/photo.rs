@@ -10,7 +10,7 @@ use relens::picture::{Limits, Photo, encode};
 
 const RIG: Size = Size::new(64, 48);
 const LIMITS: Limits =
-    Limits { bytes_max: 1 << 20, pixels_max: 1 << 16, decoder_bytes_max: 16 << 20 };
+    Limits { bytes_max: 1 << 20, pixels_max: 1 << 16, decoder_bytes_max: 16 << 20, grid: None };
 
 /// Ignores panics of decoders, which the program catches; its own are bugs.
 fn ignore_decoder_panics() {
