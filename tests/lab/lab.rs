@@ -85,6 +85,8 @@ enum Experiment {
     Stability,
     /// The judge's verdicts on good and bad results of a group of rigs and scenes
     Judging,
+    /// Photos of other lenses: how many are changed
+    Foreign,
     /// Gain of captures over the measured lens alone
     Regimes,
     /// Time and quality of the rig's own method
@@ -112,16 +114,18 @@ fn main() -> ExitCode {
 
 fn run(options: &Options) -> Result<(), Failure> {
     use Experiment::{
-        Colour, ColourCrops, Conditions, Figures, Jpeg, JpegFiles, Judging, Pace, Regimes,
+        Colour, ColourCrops, Conditions, Figures, Foreign, Jpeg, JpegFiles, Judging, Pace, Regimes,
         SpeedAccuracy, Stability, Worth, WrongModels,
     };
     let Options { what, out, quick, rows, pictures, .. } = options;
     if let Some(group) = options.group {
         std::fs::create_dir_all(out)?;
         let made = match rows {
+            _ if *what == Foreign => judging::foreign::run(group, *quick)?,
             Some(rows) => judging::walked_again(group, &std::fs::read_to_string(rows)?)?,
             None => judging::run(group, *quick)?,
         };
+        made.tables.iter().for_each(|(_, table)| say(&table.markdown()));
         return made.write(out);
     }
     let rig = relens::config::load(options.rig.as_deref().unwrap_or(Path::new("")))?;
@@ -154,7 +158,7 @@ fn run(options: &Options) -> Result<(), Failure> {
         (Regimes, _) => regimes::run(&rig),
         (Worth, _) => worth::run(&rig, *quick),
         (Figures, _) => figures::run(&rig, out),
-        (Judging, _) => Err("judging needs a --group".into()),
+        (Judging | Foreign, _) => Err("this needs a --group".into()),
     }?;
     made.write(out)?;
     made.tables.iter().for_each(|(_, table)| say(&table.markdown()));
