@@ -42,6 +42,8 @@ pub(super) struct Task {
     places: Vec<(u32, u32)>,
     /// End of each group in `places`.
     ends: Vec<usize>,
+    /// Groups per row of references.
+    across: usize,
 }
 
 impl Task {
@@ -67,11 +69,31 @@ impl Groups {
                 rows: last + SIDE - first_row,
                 places: Vec::with_capacity(rows.len() * across.len() * search.group_max),
                 ends: Vec::with_capacity(rows.len() * across.len()),
+                across: across.len(),
             };
             run_fastest(SearchTask { picture, search, rows, across: &across, task: &mut task });
             task
         });
         Groups { size, tasks: if across.is_empty() { Vec::new() } else { tasks.collect() } }
+    }
+
+    /// Every second of these groups, in a quincunx, and those at the borders left and right: with
+    /// references half a block apart they still cover the picture.
+    #[must_use]
+    pub fn thinned(&self) -> Groups {
+        let thinned = |task: &Task| {
+            let mut thin = Task { places: Vec::new(), ends: Vec::new(), ..*task };
+            for (n, group) in task.groups().enumerate() {
+                let (row, column) = (n / task.across, n % task.across);
+                let is_border = column == 0 || column + 1 == task.across;
+                if is_border || (row + column).is_multiple_of(2) {
+                    thin.places.extend(group);
+                    thin.ends.push(thin.places.len());
+                }
+            }
+            thin
+        };
+        Groups { size: self.size, tasks: self.tasks.iter().map(thinned).collect() }
     }
 
     /// Size of the picture.

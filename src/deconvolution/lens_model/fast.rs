@@ -272,6 +272,8 @@ impl Kernel for Forward<'_> {
 pub(super) struct Adjoint<'a> {
     pub(super) cells: &'a Cells,
     pub(super) spectra: &'a [Spectrum],
+    /// Real factors on the conjugate spectra.
+    pub(super) factors: Option<&'a [Vec<Lanes>]>,
     pub(super) y: &'a Plane,
     /// Index of the row of cells.
     pub(super) row: usize,
@@ -283,7 +285,7 @@ pub(super) struct Adjoint<'a> {
 impl Kernel for Adjoint<'_> {
     #[inline(always)]
     fn run<const FUSED: bool>(self) {
-        let Adjoint { cells, spectra, y, row, band, work } = self;
+        let Adjoint { cells, spectra, factors, y, row, band, work } = self;
         let canvas_width = y.width();
         for place in cells.row(row) {
             let cell = Cell::of(cells, &place);
@@ -303,8 +305,19 @@ impl Kernel for Adjoint<'_> {
                     row[width..].fill(ComplexLanes::default());
                     for b in 0..along_x.functions.len() {
                         let function = &spectra[of[2 * a + b]][group * nx..][..nx];
-                        for ((product, &l), &p) in sum[..nx].iter_mut().zip(&*light).zip(function) {
-                            *product = l.product_conjugate::<FUSED>(p);
+                        let products = sum[..nx].iter_mut().zip(&*light).zip(function);
+                        match factors {
+                            None => {
+                                for ((product, &l), &p) in products {
+                                    *product = l.product_conjugate::<FUSED>(p);
+                                }
+                            }
+                            Some(factors) => {
+                                let factors = &factors[of[2 * a + b]][group * nx..][..nx];
+                                for (((product, &l), &p), &factor) in products.zip(factors) {
+                                    *product = l.product_conjugate::<FUSED>(p).scaled(factor);
+                                }
+                            }
                         }
                         let (found, _) = cell.fx.run::<true>(sum, free);
                         for ((value, &l), &u) in row.iter_mut().zip(&*found).zip(cell.u) {

@@ -150,7 +150,7 @@ const HALF_ROOT_3: f32 = 0.866_025_4;
 /// 5 takes 4.5 ns, for its values do not fit the registers.
 const PASS_NS: [(usize, f64); 3] = [(4, 1.8), (2, 0.8), (3, 1.6)];
 
-/// The length of at least `least` with the fastest transform.
+/// The even length of at least `least` with the fastest transform.
 pub(super) fn fast_length(least: usize) -> usize {
     let cost = |n: usize| {
         let (mut remaining, mut ns_per_number) = (n, 0.0);
@@ -163,7 +163,8 @@ pub(super) fn fast_length(least: usize) -> usize {
         (remaining == 1).then_some(n as f64 * ns_per_number)
     };
     // The range holds a power of two.
-    (least.max(1)..=2 * least.max(1))
+    (least.max(2)..=2 * least.max(2))
+        .filter(|n| n.is_multiple_of(2))
         .filter_map(|n| cost(n).map(|c| (c, n)))
         .min_by(|a, b| a.0.total_cmp(&b.0))
         .map_or(least, |(_, n)| n)
@@ -215,7 +216,7 @@ mod tests {
     fn fast_lengths_are_products_of_at_least_the_wanted_length() {
         for least in 1..700 {
             let n = fast_length(least);
-            assert!(n >= least && n <= 2 * least.max(1));
+            assert!(n >= least && n <= 2 * least.max(2) && n.is_multiple_of(2));
             assert_eq!(Fourier::new(n).length(), n);
         }
     }

@@ -118,6 +118,12 @@ impl ComplexLanes {
         }
     }
 
+    /// The product with the real numbers `factors`, lane by lane.
+    #[inline(always)]
+    pub(super) fn scaled(self, factors: Lanes) -> ComplexLanes {
+        ComplexLanes { re: self.re * factors, im: self.im * factors }
+    }
+
     /// self + i · other.
     #[inline(always)]
     pub(super) fn plus_i(self, other: ComplexLanes) -> ComplexLanes {

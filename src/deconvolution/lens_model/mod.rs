@@ -13,6 +13,7 @@ mod fourier;
 mod functions;
 mod halves;
 mod interpolation;
+mod inverse;
 mod lanes;
 #[cfg(test)]
 mod plain;
@@ -20,6 +21,7 @@ mod taps;
 
 pub use broad::{Beyond, Halo};
 pub use functions::LensFunctions;
+pub use inverse::{Density, LocalInverse};
 
 use crate::frame::instructions::run_fastest;
 use crate::frame::{Channel, Frame, Plane, Size, Work};
@@ -274,12 +276,33 @@ impl LensModel {
         let scaled = broad.and_then(|broad| broad.before_adjoint(y));
         let y = scaled.as_ref().unwrap_or(y);
         self.bands(out).par_iter_mut().enumerate().for_each(|(row, band)| {
-            self.workspaces
-                .with(|work| run_fastest(Adjoint { cells, spectra, y, row, band, work }));
+            self.workspaces.with(|work| {
+                run_fastest(Adjoint { cells, spectra, factors: None, y, row, band, work });
+            });
         });
         if let Some(broad) = broad {
             broad.add_adjoint(y, out);
         }
+    }
+
+    /// The local inverse of one channel, regularised by `epsilon` > 0, for data of `density`.
+    pub fn local_inverse(&self, channel: Channel, epsilon: f32, density: Density) -> LocalInverse {
+        LocalInverse::new(&self.cells, &self.spectra[channel.index()], channel, epsilon, density)
+    }
+
+    /// `out` = (KᵀMK + ε)⁻¹Kᵀ y, locally and without broad light; `y` is zero where data are
+    /// missing, and weighted by the pixels that each datum stands for.
+    pub fn invert(&self, inverse: &LocalInverse, y: &Plane, out: &mut Plane) {
+        assert!(
+            y.size() == self.canvas && out.size() == self.canvas,
+            "planes have the canvas's size"
+        );
+        let (cells, spectra) = (&self.cells, &self.spectra[inverse.channel.index()]);
+        let factors = Some(&inverse.reciprocals[..]);
+        self.bands(out).par_iter_mut().enumerate().for_each(|(row, band)| {
+            self.workspaces
+                .with(|work| run_fastest(Adjoint { cells, spectra, factors, y, row, band, work }));
+        });
     }
 
     /// The rows of `out`, split by rows of cells.

@@ -7,7 +7,7 @@ use rand_xoshiro::Xoshiro256PlusPlus;
 
 use super::plain::Plain;
 use super::*;
-use crate::frame::read_npy_f32;
+use crate::frame::{Mosaic, Rect, read_npy_f32};
 
 impl LensModel {
     /// ‖K‖² of one channel, the largest eigenvalue of KᵀK, by `iterations` of the power method from
@@ -229,4 +229,81 @@ fn grids_whose_number_of_taps_overflows_are_refused() {
         taps: [vec![], vec![], vec![]],
     };
     assert!(matches!(functions.check(), Err(LensModelError::Taps { found: 0, .. })));
+}
+
+/// A Gaussian lens, the same everywhere, on a 2×2 grid of functions: the cells' seams count.
+fn gaussian_model(sigma_px: f32) -> LensModel {
+    let one: Vec<f32> = (0..25 * 25)
+        .map(|t| {
+            let (x, y) = ((t % 25) as f32 - 12.0, (t / 25) as f32 - 12.0);
+            (-(x * x + y * y) / (2.0 * sigma_px * sigma_px)).exp()
+        })
+        .collect();
+    let total: f32 = one.iter().sum();
+    let one: Vec<f32> = one.iter().map(|t| t / total).collect();
+    let taps = one.repeat(4);
+    let taps = [taps.clone(), taps.clone(), taps];
+    LensModel::new(
+        Size::new(120, 100),
+        0,
+        &LensFunctions { rows: 2, columns: 2, support_px: 25, taps },
+    )
+    .unwrap()
+}
+
+/// `plane` at the sites of `channel`, each weighted by the pixels that it stands for.
+fn at_sites(plane: &Plane, mosaic: Option<Mosaic>, channel: Channel) -> Plane {
+    let Some(mosaic) = mosaic else { return plane.clone() };
+    let weight = Mosaic::pixels_a_site(channel);
+    Plane::from_fn(plane.size(), |x, y| {
+        if mosaic.colour_at(x, y) == channel { weight * plane.at(x, y) } else { 0.0 }
+    })
+}
+
+#[test]
+fn the_local_inverse_solves_its_normal_equations() {
+    let model = gaussian_model(1.2);
+    let size = model.canvas();
+    let everywhere = Channel::ALL.map(|c| (c, None));
+    let sites = Mosaic::ALL.into_iter().flat_map(|m| Channel::ALL.map(|c| (c, Some(m))));
+    for (channel, mosaic) in everywhere.into_iter().chain(sites) {
+        for epsilon in [0.03f32, 0.3] {
+            let inverse =
+                model.local_inverse(channel, epsilon, Density::of(channel, mosaic.is_some()));
+            let data = at_sites(&random_plane(size, 5), mosaic, channel);
+            let [mut found, mut seen, mut left, mut right] = [(); 4].map(|()| Plane::zeros(size));
+            model.invert(&inverse, &data, &mut found);
+            // (KᵀMK + ε) x = KᵀM y, away from the border, where light is lost.
+            model.forward(channel, &found, &mut seen);
+            model.adjoint(channel, &at_sites(&seen, mosaic, channel), &mut left);
+            left.add_scaled(epsilon, &found);
+            model.adjoint(channel, &data, &mut right);
+            let middle = Rect { x: 24, y: 24, size: Size::new(72, 52) };
+            let (mut off, wanted) = (left.crop(middle), right.crop(middle));
+            off.add_scaled(-1.0, &wanted);
+            let share = off.rms() / wanted.rms();
+            assert!(share < 0.01, "{channel:?} {mosaic:?} ε {epsilon}: {share}");
+        }
+    }
+}
+
+#[test]
+fn a_step_by_the_local_inverse_descends_in_every_density() {
+    let model = golden_model();
+    let size = model.canvas();
+    for (channel, mosaic) in
+        Channel::ALL.into_iter().flat_map(|c| [(c, None), (c, Some(Mosaic::Rggb))])
+    {
+        let data = at_sites(&random_plane(size, 6), mosaic, channel);
+        for epsilon in [1e-3, 0.03, 1.0] {
+            let inverse =
+                model.local_inverse(channel, epsilon, Density::of(channel, mosaic.is_some()));
+            let [mut picture, mut seen] = [(); 2].map(|()| Plane::zeros(size));
+            model.invert(&inverse, &data, &mut picture);
+            model.forward(channel, &picture, &mut seen);
+            let mut residual = at_sites(&seen, mosaic, channel);
+            residual.add_scaled(-1.0, &data);
+            assert!(residual.rms() < data.rms(), "{channel:?} {mosaic:?} {epsilon}");
+        }
+    }
 }

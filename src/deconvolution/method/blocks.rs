@@ -1,20 +1,19 @@
 //! The block-matching stage: a solved picture improved by turns of a data step and a block-matching
 //! filter.
 //!
-//! Minimises ‖K̂L − B‖²/ν² + ‖L − Z‖²/τ² for L by conjugate gradients, ν being the photo's noise σ.
+//! Minimises ‖K̂L − B‖²/ν² + ‖L − Z‖²/τ² for L by the lens's local inverse, ν being the photo's
+//! noise σ.
 //! The next Z is L filtered by [`block_matching`](crate::deconvolution::block_matching) with the
 //! noise spectrum of L, and with the previous Z as its guide. τ shrinks from round to round
 //! (half-quadratic splitting with a filter as the prior: Venkatakrishnan, Bouman & Wohlberg 2013,
 //! "Plug-and-play priors"; Danielyan, Katkovnik & Egiazarian 2012, "BM3D frames and variational
 //! image deblurring").
 
-use rayon::prelude::*;
-
 use super::problem::Target;
 use super::record::Course;
 use super::{About, ResidualOf, Watch};
 use crate::deconvolution::block_matching::{BlockNoise, Groups, Passed, Search, filter};
-use crate::deconvolution::data_term::{self, NOISE_MIN, SATURATED, TRUSTED};
+use crate::deconvolution::data_term::{self, NOISE_MIN};
 use crate::deconvolution::opponent::{from_opponent, to_opponent};
 use crate::frame::{Channel, FULL_SCALE, Frame, Plane, Work};
 
@@ -31,10 +30,8 @@ const MODEL_ERROR_SHARE: f32 = 0.5;
 /// Factor on the noise that the filter assumes. The guide has less power than the scene, and
 /// Wiener's rule with such a guide shrinks too much.
 const ASSUMED_NOISE: f32 = 0.5;
-/// Steps of conjugate gradients in each round.
-const CONJUGATE_STEPS: u32 = 8;
 /// The search for similar blocks.
-const SEARCH: Search = Search { step_px: 4, reach_px: 12, group_max: 16, difference_max: 400.0 };
+const SEARCH: Search = Search { step_px: 4, reach_px: 8, group_max: 16, difference_max: 400.0 };
 
 /// The properties of [`super::digital`] or [`super::hybrid`] with block matching.
 pub const ABOUT: About = About { name: "block-matching", starts_from_lens: true };
@@ -62,13 +59,22 @@ impl Blocks {
         let observation = problem.observation;
         let channels = observation.channels.list();
         let noise = |c: Channel| observation.pixel_noise(c).max(NOISE_MIN);
-        let errors = channels.par_iter().map(|&c| {
-            let mut seen = Plane::zeros(problem.size());
-            target.model.forward(c, start.plane(c), &mut seen);
-            let trust = observation.trust.plane(c);
-            data_term::residual_in_place(&mut seen, target.data.plane(c), trust);
+        let residual_of = |picture: &Frame<Work>| {
+            problem.frame_of(|c| {
+                let mut seen = Plane::zeros(problem.size());
+                target.model.forward(c, picture.plane(c), &mut seen);
+                let trust = observation.trust.plane(c);
+                data_term::residual_in_place(&mut seen, target.data.plane(c), trust);
+                seen
+            })
+        };
+        let mut residual = residual_of(&start);
+        let rms = |residual: &Frame<Work>, c: Channel| {
+            data_term::rms_over_data(residual.plane(c), observation.trust.plane(c))
+        };
+        let errors = channels.iter().map(|&c| {
             // A residual above the noise is the model's error.
-            let unexplained = data_term::rms_over_data(&seen, trust) * observation.weight(c).sqrt();
+            let unexplained = rms(&residual, c) * observation.weight(c).sqrt();
             let unexplained = unexplained.max(noise(c));
             (c, unexplained.max(MODEL_ERROR_SHARE * self.model_error[c.index()]))
         });
@@ -80,17 +86,19 @@ impl Blocks {
             let done = round as f32 / (self.rounds - 1).max(1) as f32;
             let over_noise = TAU_FIRST * (TAU_LAST / TAU_FIRST).powf(done);
             let tau = |c: Channel| (noise(c) * over_noise).min(TAU_MAX);
-            let data_step = |&(c, error): &(Channel, f32)| {
-                (c, data_step(target, c, picture.plane(c), (error / tau(c)).powi(2)))
-            };
-            let solved: Vec<(Channel, (Plane, f32))> = errors.par_iter().map(data_step).collect();
-            let mut uncertain = Frame::zeros(problem.size());
-            for (c, (plane, residual)) in solved {
-                *uncertain.plane_mut(c) = plane;
-                if c == Channel::Green {
-                    watch(&course.step(residual, ResidualOf::Model, 0), None);
-                }
+            if round > 0 {
+                residual = residual_of(&picture);
             }
+            if channels.contains(&Channel::Green) {
+                let rms = rms(&residual, Channel::Green);
+                watch(&course.step(rms, ResidualOf::Model, 0), None);
+            }
+            let ratio = |c: Channel| {
+                let error = errors.iter().find(|(other, _)| *other == c).map_or(0.0, |(_, e)| *e);
+                observation.pixels_a_datum(c) * (error / tau(c)).powi(2)
+            };
+            let uncertain = problem
+                .frame_of(|c| data_step(target, c, picture.plane(c), residual.plane(c), ratio(c)));
             let noises = passed.iter().zip(&errors).map(|(passed, &(c, error))| {
                 let undone = BlockNoise::deconvolved(passed, error.powi(2), tau(c).powi(2));
                 undone.scaled(ASSUMED_NOISE).within(observation.rect.x).masked(target.mask)
@@ -125,9 +133,12 @@ fn filter_colours(
         to_opponent(&mut guides);
         // Blocks alike in brightness count as alike in colour.
         let groups = Groups::find(&guides[0], SEARCH, turn);
-        for ((guide, plane), noise) in guides.iter_mut().zip(&planes).zip(&noises) {
-            *guide = filter(&groups, plane, guide, noise);
-        }
+        let [luma, chroma_red, chroma_green] = &mut guides;
+        *luma = filter(&groups, &planes[0], luma, &noises[0]);
+        // Colours have little detail of their own.
+        let groups = groups.thinned();
+        *chroma_red = filter(&groups, &planes[1], chroma_red, &noises[1]);
+        *chroma_green = filter(&groups, &planes[2], chroma_green, &noises[2]);
         from_opponent(&mut guides);
         for (c, plane) in Channel::ALL.into_iter().zip(guides) {
             *guide.plane_mut(c) = plane;
@@ -143,45 +154,15 @@ fn filter_colours(
     }
 }
 
-/// argmin ‖K̂L − B‖² + `ratio` ‖L − `near`‖² by conjugate gradients from `near`, and
-/// RMS(K̂ near − B).
-fn data_step(target: Target<'_>, c: Channel, near: &Plane, ratio: f32) -> (Plane, f32) {
-    let Target { problem, model, data, .. } = target;
+/// argmin ‖K̂L − B‖² + `ratio` ‖L − `near`‖² from the `residual` K̂ near − B, by the local inverse.
+fn data_step(target: Target<'_>, c: Channel, near: &Plane, residual: &Plane, ratio: f32) -> Plane {
+    let Target { problem, model, .. } = target;
     let observation = problem.observation;
-    let (data, trust, weight) = (data.plane(c), observation.trust.plane(c), observation.weight(c));
-    let mut seen = Plane::zeros(near.size());
-    model.forward(c, near, &mut seen);
-    // A saturated pixel has weight while its prediction is below its bound.
-    let pixels = seen.data().iter().zip(data.data()).zip(trust.data());
-    let counts = |((p, b), &t): ((&f32, &f32), &u8)| t == TRUSTED || (t == SATURATED && p < b);
-    let counts: Vec<bool> = pixels.map(counts).collect();
-    data_term::residual_in_place(&mut seen, data, trust);
-    let residual = data_term::rms_over_data(&seen, trust);
-    data_term::scale(&mut seen, weight);
-    // (KᵀK + ratio) correction = Kᵀ(B − K near).
-    let mut left = Plane::zeros(near.size());
-    model.adjoint(c, &seen, &mut left);
-    left.data_mut().iter_mut().for_each(|v| *v = -*v);
-    let (mut picture, mut along, mut turned) = (near.clone(), left.clone(), seen.clone());
-    let mut power = left.dot(&left);
-    for _ in 0..CONJUGATE_STEPS {
-        if power <= f64::from(f32::MIN_POSITIVE) {
-            break;
-        }
-        model.forward(c, &along, &mut seen);
-        seen.data_mut()
-            .iter_mut()
-            .zip(&counts)
-            .for_each(|(v, counts)| *v = if *counts { weight * *v } else { 0.0 });
-        model.adjoint(c, &seen, &mut turned);
-        turned.add_scaled(ratio, &along);
-        let step = (power / along.dot(&turned)) as f32;
-        picture.add_scaled(step, &along);
-        left.add_scaled(-step, &turned);
-        let next = left.dot(&left);
-        let kept = (next / power) as f32;
-        along.data_mut().iter_mut().zip(left.data()).for_each(|(a, l)| *a = l + kept * *a);
-        power = next;
-    }
-    (picture, residual)
+    let inverse = model.local_inverse(c, ratio, observation.density(c));
+    let mut weighted = residual.clone();
+    data_term::scale(&mut weighted, observation.weight(c));
+    let mut picture = Plane::zeros(near.size());
+    model.invert(&inverse, &weighted, &mut picture);
+    picture.data_mut().iter_mut().zip(near.data()).for_each(|(v, near)| *v = near - *v);
+    picture
 }

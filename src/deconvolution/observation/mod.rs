@@ -21,6 +21,7 @@ pub use sampling::{AxisStarts, DataKind, Sampling};
 
 use super::data_term::{MISSING, residual_in_place, rms_over_data};
 use super::detail_mask::{DetailMask, NoisyPlane};
+use super::lens_model::Density;
 use crate::frame::{Channel, Channels, Frame, Mosaic, Plane, Rect, Size, Work};
 
 /// A photo's data on the canvas.
@@ -64,6 +65,17 @@ impl Observation {
     /// Pixels of the canvas for each datum of `channel`: the weight of its residual.
     pub fn weight(&self, channel: Channel) -> f32 {
         self.sampling.mosaic().map_or(1.0, |_| Mosaic::pixels_a_site(channel))
+    }
+
+    /// Number of pixels of `channel` that a camera interpolated from each datum, whose noise they
+    /// share.
+    pub fn pixels_a_datum(&self, channel: Channel) -> f32 {
+        self.sampling.interpolated().map_or(1.0, |_| Mosaic::pixels_a_site(channel))
+    }
+
+    /// Density of the data of `channel`.
+    pub fn density(&self, channel: Channel) -> Density {
+        Density::of(channel, self.sampling.mosaic().is_some())
     }
 
     /// Noise σ of the data of `channel`, grey levels.
