@@ -215,6 +215,26 @@ mod tests {
     }
 
     #[test]
+    fn half_of_the_groups_still_cover_the_picture() {
+        let search = Search { step_px: 4, reach_px: 0, group_max: 1, difference_max: 0.0 };
+        for (width, height) in [(8, 8), (12, 16), (13, 47), (64, 83), (81, 72)] {
+            for turn in 0..2 {
+                let all = Groups::find(&Plane::zeros(Size::new(width, height)), search, turn);
+                let thin = all.thinned();
+                let mut covered = vec![false; width * height];
+                for &(x, y) in thin.tasks().iter().flat_map(|task| task.groups().flatten()) {
+                    for n in 0..SIDE * SIDE {
+                        covered[(y as usize + n / SIDE) * width + x as usize + n % SIDE] = true;
+                    }
+                }
+                assert!(covered.iter().all(|covered| *covered), "{width}×{height}, turn {turn}");
+                let count = |of: &Groups| of.tasks().iter().map(|t| t.ends.len()).sum::<usize>();
+                assert!(width < 60 || count(&thin) <= count(&all) * 3 / 5);
+            }
+        }
+    }
+
+    #[test]
     fn a_repeated_pattern_is_found_where_it_repeats() {
         let picture = Plane::from_fn(Size::new(48, 40), |x, y| {
             ((x % 12) * 17 + (y % 10) * 23) as f32 + if x < 24 { 0.0 } else { 3.0 }

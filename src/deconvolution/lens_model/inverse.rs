@@ -12,7 +12,7 @@
 
 use rayon::prelude::*;
 
-use super::cells::{Cells, Spectrum};
+use super::cells::{Cells, Side, Spectrum};
 use super::lanes::{LANES, Lanes};
 use crate::frame::Channel;
 
@@ -46,6 +46,7 @@ pub struct LocalInverse {
 }
 
 impl LocalInverse {
+    /// The inverse of a channel with `spectra` over `cells`, regularised by `epsilon` > 0.
     pub(super) fn new(
         cells: &Cells,
         spectra: &[Spectrum],
@@ -54,7 +55,7 @@ impl LocalInverse {
         density: Density,
     ) -> LocalInverse {
         let lengths = cells.spectra.iter().map(|of| {
-            let length = |side: &super::cells::Side, n: usize| side.transforms[n].length();
+            let length = |side: &Side, n: usize| side.transforms[n].length();
             (length(&cells.along_x, of.transform_x), length(&cells.along_y, of.transform_y))
         });
         let lengths: Vec<(usize, usize)> = lengths.collect();

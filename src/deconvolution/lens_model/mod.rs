@@ -291,7 +291,8 @@ impl LensModel {
     }
 
     /// `out` = (KᵀMK + ε)⁻¹Kᵀ y, locally and without broad light; `y` is zero where data are
-    /// missing, and weighted by the pixels that each datum stands for.
+    /// missing, and weighted by the pixels that each datum stands for. For residuals: cells are cut
+    /// without a taper.
     pub fn invert(&self, inverse: &LocalInverse, y: &Plane, out: &mut Plane) {
         assert!(
             y.size() == self.canvas && out.size() == self.canvas,

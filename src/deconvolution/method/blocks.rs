@@ -2,12 +2,11 @@
 //! filter.
 //!
 //! Minimises ‖K̂L − B‖²/ν² + ‖L − Z‖²/τ² for L by the lens's local inverse, ν being the photo's
-//! noise σ.
-//! The next Z is L filtered by [`block_matching`](crate::deconvolution::block_matching) with the
-//! noise spectrum of L, and with the previous Z as its guide. τ shrinks from round to round
-//! (half-quadratic splitting with a filter as the prior: Venkatakrishnan, Bouman & Wohlberg 2013,
-//! "Plug-and-play priors"; Danielyan, Katkovnik & Egiazarian 2012, "BM3D frames and variational
-//! image deblurring").
+//! noise σ. The next Z is L filtered by [`block_matching`](crate::deconvolution::block_matching)
+//! with the noise spectrum of L, and with the previous Z as its guide. τ shrinks from round to
+//! round (half-quadratic splitting with a filter as the prior: Venkatakrishnan, Bouman & Wohlberg
+//! 2013, "Plug-and-play priors"; Danielyan, Katkovnik & Egiazarian 2012, "BM3D frames and
+//! variational image deblurring").
 
 use super::problem::Target;
 use super::record::Course;

@@ -51,13 +51,12 @@ const OFF: [&str; 34] = [
 ];
 
 /// Values that leave the picture unchanged, set where a camera lets them be set.
-const NEUTRAL: [(&str, f64); 6] = [
+const NEUTRAL: [(&str, f64); 5] = [
     ("Gamma", 1.0),
     ("BinningHorizontal", 1.0),
     ("BinningVertical", 1.0),
     ("DecimationHorizontal", 1.0),
     ("DecimationVertical", 1.0),
-    ("OffsetX", 0.0),
 ];
 
 /// Largest relative error of a number read back: exposures and gains have steps. As for the pulse.
