@@ -74,7 +74,7 @@ impl LightPath<'_> {
     fn add_lost_detail(&self, shown: &Frame<Work>, seen: &mut Seen) {
         let clamp = |v: f32| v.clamp(0.0, FULL_SCALE);
         let on_panel: Frame<Work> = Frame::from_fn(|c| shown.plane(c).map(clamp));
-        let by_perfect_lens = self.correction.by_perfect_lens(&Channel::ALL, &on_panel);
+        let by_perfect_lens = self.correction.by_perfect_lens(&Channel::ALL, &on_panel, (0.0, 0.0));
         let pairs = Channel::ALL.into_iter().zip(seen.light.planes_mut());
         pairs.collect::<Vec<_>>().into_par_iter().for_each(|(c, light)| {
             let mut lost = on_panel.plane(c).clone();

@@ -1,5 +1,6 @@
 //! Geometry of each channel from checkerboards, and the check that the rig has not moved.
 
+use super::motion::{self, PanelPlace};
 use super::session::{Session, difference};
 use super::{CalibrateError, judge};
 use crate::calibration::checkerboard::{self, Affine};
@@ -12,6 +13,8 @@ use crate::patterns;
 pub(super) struct Board {
     near: Affine,
     corners: Vec<Pair>,
+    /// Number of its capture.
+    capture: u32,
     black: Plane,
 }
 
@@ -55,11 +58,12 @@ pub(super) fn geometry(
         judge::on_panel(&one, layout.panel)?;
         found.push(one);
         if c == Channel::Green {
-            green = Some(Board { near, corners, black: black.plane(c).clone() });
+            let capture = session.captures();
+            green = Some(Board { near, corners, capture, black: black.plane(c).clone() });
         }
     }
     if let Some(board) = &green {
-        still(session, board)?;
+        check_place(session, board)?;
     }
     match <[Geometry; 3]>::try_from(found) {
         Ok(geometry) => Ok((geometry, green)),
@@ -84,8 +88,13 @@ fn corners(
     Ok(corners)
 }
 
-/// Checks that the green board has not moved.
-pub(super) fn still(session: &mut Session<'_>, board: &Board) -> Result<(), CalibrateError> {
+/// Checks how far the green board has moved.
+///
+/// # Errors
+/// [`CalibrateError::Moving`] if it moved too far or too fast.
+pub(super) fn check_place(session: &mut Session<'_>, board: &Board) -> Result<(), CalibrateError> {
     let again = corners(session, &board.near, Channel::Green, &board.black)?;
-    judge::still(&board.corners, &again)
+    let at_px = judge::displacement(&board.corners, &again);
+    let then = PanelPlace { capture: board.capture, at_px: (0.0, 0.0) };
+    motion::check(&[then, PanelPlace { capture: session.captures(), at_px }])
 }

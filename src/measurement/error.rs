@@ -63,11 +63,8 @@ pub enum CalibrateError {
         100.0 * .0, 100.0 * RESIDUAL_MAX
     )]
     TooSoon(f64),
-    /// Two captures of one picture differ: the motion found, and that allowed.
-    #[error(
-        "moving: {0} between two captures of the same picture, allowed {1}; bolt panel and camera \
-         down and let the table rest"
-    )]
+    /// The panel moved or its light changed: the motion found, and that allowed.
+    #[error("moving: {0}, allowed {1}; bolt panel and camera down and let the table rest")]
     Moving(String, String),
     /// The picture is too blurred: the finding, and what is allowed.
     #[error("wrong focus: {0}, allowed {1}; focus the camera on the panel")]

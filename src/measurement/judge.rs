@@ -12,9 +12,6 @@ const CELLS: usize = 16;
 const LIGHT_MIN: f64 = 0.005;
 /// Least light of a lit cell, as a share of the brightest; vignetting is weaker. Guess.
 const LIT_SHARE: f64 = 0.2;
-/// Largest motion of a corner between two captures, sensor pixels: a registration error of half a
-/// pixel is harmful (study).
-const SHIFT_MAX_PX: f64 = 0.25;
 /// Least share of the corners in view that must be found.
 const CORNERS_MIN: f64 = 0.5;
 
@@ -128,25 +125,17 @@ pub(super) fn corners(found: usize, expected: usize) -> Result<(), CalibrateErro
     Ok(())
 }
 
-/// Checks that the same corners did not move between two captures.
-///
-/// # Errors
-/// [`CalibrateError::Moving`].
-pub(super) fn still(first: &[Pair], second: &[Pair]) -> Result<(), CalibrateError> {
-    let mut shifts: Vec<f64> = first
-        .iter()
-        .filter_map(|a| {
-            let b = second.iter().find(|b| b.to == a.to)?;
-            Some((a.from.0 - b.from.0).hypot(a.from.1 - b.from.1))
-        })
-        .collect();
-    shifts.sort_by(f64::total_cmp);
-    let median = shifts.get(shifts.len() / 2).copied().unwrap_or(f64::INFINITY);
-    if median > SHIFT_MAX_PX {
-        let found = format!("the picture moved by {median:.2} px");
-        return Err(CalibrateError::Moving(found, format!("{SHIFT_MAX_PX} px")));
-    }
-    Ok(())
+/// Median displacement of the same corners between two captures, sensor pixels; infinite without
+/// any.
+pub(super) fn displacement(first: &[Pair], second: &[Pair]) -> (f64, f64) {
+    let both = first.iter().filter_map(|a| Some((a, second.iter().find(|b| b.to == a.to)?)));
+    let (mut right, mut down): (Vec<f64>, Vec<f64>) =
+        both.map(|(a, b)| (b.from.0 - a.from.0, b.from.1 - a.from.1)).unzip();
+    let median = |shifts: &mut Vec<f64>| {
+        shifts.sort_by(f64::total_cmp);
+        shifts.get(shifts.len() / 2).copied().unwrap_or(f64::INFINITY)
+    };
+    (median(&mut right), median(&mut down))
 }
 
 /// Checks that a pattern's capture repeats: its RMS `difference` against the expected `noise` of
@@ -158,7 +147,8 @@ pub(super) fn repeats(difference: f64, noise: f64) -> Result<(), CalibrateError>
     // √2 for the noise of both captures, and half as much again for its variation with light.
     let allowed = 1.5 * std::f64::consts::SQRT_2 * noise;
     if difference > allowed {
-        let found = format!("light changed by {difference:.2} grey levels RMS");
+        let found =
+            format!("light changed by {difference:.2} grey levels RMS between equal pictures");
         return Err(CalibrateError::Moving(found, format!("{allowed:.2}")));
     }
     Ok(())

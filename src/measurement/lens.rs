@@ -1,11 +1,15 @@
 //! The lens: functions, norm, noise and operator error, from pictures in linear light.
 
+use std::sync::Arc;
+
 use rayon::prelude::*;
 
 use super::board::{self, Board};
-use super::series::{BROAD_PATTERNS, GREY, Series, on_grey, pattern, random, shoot, squares};
+use super::series::{
+    BROAD_PATTERNS, GREY, Patterns, Series, on_grey, pattern, random, shoot, squares,
+};
 use super::session::{Session, difference};
-use super::{CalibrateError, judge, photometric};
+use super::{CalibrateError, judge, motion, photometric};
 use crate::calibration::lens_blur::{self, FunctionFit, FunctionGrid, LensBlurError};
 use crate::calibration::{Calibration, Corrected, Correction, noise};
 use crate::config;
@@ -32,6 +36,8 @@ const CENTRING_SHARE: f64 = 0.85;
 const CENTRING_ROUNDS: usize = 8;
 /// Rounds for the functions themselves.
 const ROUNDS: usize = 12;
+/// Most fits of functions after the first that follow the panel.
+const FOLLOWED_MAX: usize = 4;
 /// Brightest level of the dominant picture shown to measure ‖K‖.
 const DOMINANT_LEVEL: f32 = 220.0;
 
@@ -46,11 +52,12 @@ pub(super) fn measure(
     }
     session.step("lens functions");
     let correction = correction(session, calibration)?;
-    let series =
-        shoot(session, &correction, session.config.calibration.patterns, &random(200, 1), 1)?;
-    let support_px = session.config.calibration.function_support_px;
-    let first = series.first.clone();
-    let mut functions = functions(session, series, ROUNDS, 1, support_px)?;
+    let asked = &session.config.calibration;
+    let (count, support_px) = (asked.patterns, asked.function_support_px);
+    let patterns = Patterns { count, nth: &random(200, 1), pixel_px: 1 };
+    let mut series = shoot(session, &correction, patterns)?;
+    let fit = FunctionRounds { rounds: ROUNDS, support_px, is_centred: board.is_some() };
+    let mut functions = functions(session, &correction, &mut series, fit)?;
     let sums = lens_blur::normalise(&mut functions);
     log::debug!("lens functions sum to {sums:?} before normalisation");
     judge::focus(sharpest_px(&functions), support_px as f64, support_px)?;
@@ -63,7 +70,7 @@ pub(super) fn measure(
     let model =
         calibration.lens_model().map_err(|e| CalibrateError::Lens(LensBlurError::Model(e)))?;
     measure_noise(session, calibration, &correction)?;
-    check_rest(session, calibration, &correction, &first, board)?;
+    check_rest(session, calibration, &correction, &series.first, board)?;
     measure_operator_error(session, calibration, &correction, &model)?;
     measure_norms(session, calibration, &correction, model)
 }
@@ -81,9 +88,11 @@ fn centre(session: &mut Session<'_>, calibration: &mut Calibration) -> Result<()
     for round in 0..CENTRINGS {
         // Means of two by two pixels: sites alone would bias a function towards themselves.
         let correction = correction(session, calibration)?.between_sites();
-        let patterns = random(100 + round as u64, pixel_px);
-        let series = shoot(session, &correction, CENTRING_PATTERNS, &patterns, pixel_px)?;
-        let functions = functions(session, series, CENTRING_ROUNDS, pixel_px, support_px)?;
+        let nth = random(100 + round as u64, pixel_px);
+        let patterns = Patterns { count: CENTRING_PATTERNS, nth: &nth, pixel_px };
+        let mut series = shoot(session, &correction, patterns)?;
+        let fit = FunctionRounds { rounds: CENTRING_ROUNDS, support_px, is_centred: false };
+        let functions = functions(session, &correction, &mut series, fit)?;
         // Far out of focus, centroids are noise and a later fit would take the blame.
         let pixel = pixel_px as f64;
         judge::focus(pixel * sharpest_px(&functions), pixel * support_px as f64, written_px)?;
@@ -99,10 +108,15 @@ fn broad_light(
     correction: &Correction,
 ) -> Result<(), CalibrateError> {
     let beyond = calibration.beyond();
-    let series = shoot(session, correction, BROAD_PATTERNS, &|session, n| squares(session, n), 1)?;
+    let patterns = Patterns { count: BROAD_PATTERNS, nth: &squares, pixel_px: 1 };
+    let mut series = shoot(session, correction, patterns)?;
+    let model =
+        calibration.lens_model().map_err(|e| CalibrateError::Lens(LensBlurError::Model(e)))?;
+    series.follow(session, correction, &model, (0.0, 0.0))?;
+    motion::check(&series.places)?;
     let support_px = calibration.functions.support_px;
     for c in Channel::ALL {
-        let (shots, trusted) = (&series.shots[c.index()], &series.trusted[c.index()]);
+        let (shots, trusted) = (&series.shots[c.index()], series.trusted.plane(c));
         let halos = lens_blur::halos(support_px, c, shots, trusted, beyond);
         lens_blur::remove_halos(&mut calibration.functions, c, &halos);
         calibration.broad[c.index()] = halos;
@@ -126,28 +140,58 @@ fn correction(
     Correction::new(calibration, session.layout).map_err(CalibrateError::Correction)
 }
 
-/// Fits the lens functions to `series`, on pixels of `pixel_px`.
+/// How lens functions are fitted.
+#[derive(Clone, Copy)]
+struct FunctionRounds {
+    /// Rounds of conjugate gradients.
+    rounds: usize,
+    /// Width of the functions, pixels of the series.
+    support_px: usize,
+    /// Whether the functions' centroids are in place when the panel is.
+    is_centred: bool,
+}
+
+/// Fits the lens functions to `series`, following the panel.
 fn functions(
     session: &mut Session<'_>,
-    series: Series,
-    rounds: usize,
-    pixel_px: usize,
-    support_px: usize,
+    correction: &Correction,
+    series: &mut Series<'_>,
+    fit: FunctionRounds,
 ) -> Result<LensFunctions, CalibrateError> {
     let asked = &session.config.calibration;
+    let pixel_px = series.patterns.pixel_px;
+    let photo = session.layout.photo;
     let grid = FunctionGrid {
-        photo: Size::new(
-            session.layout.photo.width / pixel_px,
-            session.layout.photo.height / pixel_px,
-        ),
+        photo: Size::new(photo.width / pixel_px, photo.height / pixel_px),
         margin_px: session.layout.margin_px / pixel_px,
         columns: asked.function_columns,
         rows: asked.function_rows,
-        support_px,
+        support_px: fit.support_px,
     };
-    let Series { shots, trusted, .. } = series;
+    let mut functions = fitted(session, series, grid, fit.rounds)?;
+    for _ in 0..FOLLOWED_MAX {
+        let model = LensModel::new(grid.photo, grid.margin_px, &functions)
+            .map_err(|e| CalibrateError::Lens(LensBlurError::Model(e)))?;
+        let off_px = if fit.is_centred { off_centre(&functions, pixel_px) } else { (0.0, 0.0) };
+        if !series.follow(session, correction, &model, off_px)? {
+            break;
+        }
+        functions = fitted(session, series, grid, fit.rounds)?;
+    }
+    motion::check(&series.places)?;
+    Ok(functions)
+}
+
+/// Fits the lens functions to `series` as it is.
+fn fitted(
+    session: &mut Session<'_>,
+    series: &Series<'_>,
+    grid: FunctionGrid,
+    rounds: usize,
+) -> Result<LensFunctions, CalibrateError> {
+    let (shots, trusted) = (Arc::clone(&series.shots), Arc::clone(&series.trusted));
     let fit = move |&c: &Channel| {
-        FunctionFit::new(grid, &trusted[c.index()])?.taps(c, &shots[c.index()], rounds)
+        FunctionFit::new(grid, trusted.plane(c))?.taps(c, &shots[c.index()], rounds)
     };
     let fits = move || Channel::ALL.par_iter().map(fit).collect::<Result<Vec<_>, LensBlurError>>();
     let mut taps = session.computed(fits)?.map_err(CalibrateError::Lens)?.into_iter();
@@ -157,6 +201,16 @@ fn functions(
         support_px: grid.support_px,
         taps: std::array::from_fn(|_| taps.next().unwrap_or_default()),
     })
+}
+
+/// Mean centroid of `functions`, on pixels of `pixel_px`.
+fn off_centre(functions: &LensFunctions, pixel_px: usize) -> (f64, f64) {
+    let count = 3 * functions.rows * functions.columns;
+    let taps = functions.taps.iter().flat_map(|taps| taps.chunks(functions.support_px.pow(2)));
+    let centroids = taps.map(|taps| lens_blur::centroid(taps, functions.support_px));
+    let (x, y) = centroids.fold((0.0, 0.0), |sum, at| (sum.0 + at.0, sum.1 + at.1));
+    let share = pixel_px as f64 / count as f64;
+    (share * x, share * y)
 }
 
 /// Folds the functions' centroids into the geometry: coma moves the saddle of a checkerboard corner
@@ -208,19 +262,27 @@ fn measure_operator_error(
     let chart = chart(session);
     let Corrected { light, trusted } = session.seen(correction, &chart)?;
     let mut seen = Seen { light, trusted };
-    let on_panel = correction.by_perfect_lens(&Channel::ALL, &chart);
-    let predicted = model.seen(&Channel::ALL, &on_panel);
     let margin = calibration.margin_px;
     let place = Rect { x: margin, y: margin, size: calibration.photo };
-    let comparison = Comparison {
-        seen: &seen.light,
-        predicted: &predicted,
-        mask: &seen.trusted,
-        area: place,
-        channels: &Channel::ALL,
+    let predicted_at = |at_px| {
+        let by_perfect_lens = correction.by_perfect_lens(&Channel::ALL, &chart, at_px);
+        model.seen(&Channel::ALL, &by_perfect_lens)
     };
-    let found = Registration::fit(&comparison, calibration.functions.support_px);
-    log::debug!("the chart's capture registered: {found:?}");
+    let register = |predicted: &Frame<Work>| {
+        let comparison = Comparison {
+            seen: &seen.light,
+            predicted,
+            mask: &seen.trusted,
+            area: place,
+            channels: &Channel::ALL,
+        };
+        Registration::fit(&comparison, calibration.functions.support_px)
+    };
+    // Panel pixels seen elsewhere give other detail than a picture moved.
+    let at_px = register(&predicted_at((0.0, 0.0))).shift_px;
+    let predicted = predicted_at(at_px);
+    let found = register(&predicted);
+    log::debug!("the chart's capture at {at_px:?} px registered: {found:?}");
     found.undo(&mut seen, &predicted, &Channel::ALL);
     let trust = Frame::filled(model.canvas(), TRUSTED);
     let (columns, mosaic) = (correction.panel_columns(), session.layout.mosaic);
@@ -262,13 +324,13 @@ fn measure_norms(
         _ => Plane::zeros(picture.size()),
     });
     let seen = session.seen(correction, &shown)?;
-    let shown = correction.by_perfect_lens(&[Channel::Green], &shown);
+    let shown = correction.by_perfect_lens(&[Channel::Green], &shown, (0.0, 0.0));
     let (shown, light) = (shown.plane(Channel::Green), seen.light.plane(Channel::Green));
     calibration.norm_squared_seen = (light.dot(light) / shown.dot(shown)) as f32;
     Ok(())
 }
 
-/// Checks that the rig has not moved: the first pattern again, or the checkerboard.
+/// Checks where the panel is now by the checkerboard, or that the first pattern repeats.
 fn check_rest(
     session: &mut Session<'_>,
     calibration: &Calibration,
@@ -277,7 +339,7 @@ fn check_rest(
     board: Option<&Board>,
 ) -> Result<(), CalibrateError> {
     if let Some(board) = board {
-        return board::still(session, board);
+        return board::check_place(session, board);
     }
     let again = session.seen(correction, &on_grey(&pattern(session, 200, 0, 1)))?;
     let change = difference(again.light.plane(Channel::Green), first).rms();

@@ -5,7 +5,7 @@
 //! | trials | 2 black, 1 white | checks of exposure, view and settle time; black level |
 //! | linearity | 13 (if `linearity` and the exposure can be set) | camera curve and its check |
 //! | response pattern | 8 black, `response-flats` at 224 (each once) | response of sites |
-//! | geometry | locator, 3 checkerboards, 1 again | Work ↔ panel; checks of focus and rest |
+//! | geometry | locator, 3 checkerboards, 1 again | Work ↔ panel; check of focus |
 //! | dark corner | 3 flats at 128 | ratio surfaces |
 //! | cross-channel | 3 gradations per channel | C, response curves |
 //! | centring | grey, 5 patterns of coarse squares, twice | centroids, folded into the geometry |
@@ -13,7 +13,8 @@
 //! | broad light | grey, 4 patterns of large squares (if `broad-term`) | halos |
 //! | checks | 2 gradations, 1 pattern again, chart, dominant picture | noise, rest, errors, ‖K‖² |
 //!
-//! A one-to-one rig skips geometry and centring. The caller stores the result
+//! A one-to-one rig skips geometry and centring. A panel that moves meanwhile is followed, and
+//! refused if it moves too far or too fast (`motion.rs`). The caller stores the result
 //! ([`crate::calibration::store`]); after an error the stored one stays.
 
 mod board;
@@ -21,6 +22,7 @@ mod error;
 mod judge;
 mod lens;
 mod linearity;
+mod motion;
 mod photometric;
 mod series;
 mod session;

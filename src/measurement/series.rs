@@ -1,10 +1,14 @@
 //! Series of patterns about grey: shown, captured, and freed of flicker and the panel's beat.
 
+use std::sync::Arc;
+
 use super::CalibrateError;
+use super::motion::{self, PanelPlace};
 use super::session::{Session, difference, rim_px};
 use crate::calibration::lens_blur::{self, Shot};
 use crate::calibration::{Corrected, Correction, dark_corner};
 use crate::deconvolution::data_term::TRUSTED;
+use crate::deconvolution::lens_model::LensModel;
 use crate::deconvolution::panel_beat::{PanelBeat, SeenChannel};
 use crate::deconvolution::registration::{Comparison, Registration};
 use crate::frame::{Channel, Frame, Plane, Rect, Size, Work};
@@ -71,6 +75,15 @@ pub(super) fn random(series: u64, pixel_px: usize) -> impl Fn(&Session<'_>, usiz
     move |session, n| pattern(session, series, n, pixel_px)
 }
 
+/// Patterns of a series.
+#[derive(Clone, Copy)]
+pub(super) struct Patterns<'a> {
+    pub(super) count: usize,
+    pub(super) nth: &'a dyn Fn(&Session<'_>, usize) -> Frame<Work>,
+    /// Side of their squares, to which captures are averaged.
+    pub(super) pixel_px: usize,
+}
+
 /// Means of `plane` over squares of `pixel_px`.
 fn averaged(plane: &Plane, pixel_px: usize) -> Plane {
     let coarse = Size::new(plane.width() / pixel_px, plane.height() / pixel_px);
@@ -85,31 +98,34 @@ pub(super) fn on_grey(picture: &Frame<Work>) -> Frame<Work> {
     Frame::from_fn(|c| picture.plane(c).map(|v| GREY + v))
 }
 
-/// `picture` on grey as a perfect lens would see it on the panel, minus grey: the input of the
-/// lens model.
-fn on_panel(correction: &Correction, picture: &Frame<Work>) -> Frame<Work> {
-    let seen = correction.by_perfect_lens(&Channel::ALL, &on_grey(picture));
+/// `picture` on grey as a perfect lens would see it on the panel displaced by `at_px`, minus grey:
+/// the input of the lens model.
+fn on_panel(correction: &Correction, picture: &Frame<Work>, at_px: (f64, f64)) -> Frame<Work> {
+    let seen = correction.by_perfect_lens(&Channel::ALL, &on_grey(picture), at_px);
     Frame::from_fn(|c| seen.plane(c).map(|v: f32| v - GREY))
 }
 
 /// Captures of a series of patterns.
-pub(super) struct Series {
+pub(super) struct Series<'a> {
+    pub(super) patterns: Patterns<'a>,
     /// Differences from grey, per channel, averaged to the pattern's squares.
-    pub(super) shots: [Vec<Shot>; 3],
+    pub(super) shots: Arc<[Vec<Shot>; 3]>,
     /// 1 where all captures can be trusted, per channel.
-    pub(super) trusted: [Plane<u8>; 3],
+    pub(super) trusted: Arc<Frame<Work, u8>>,
     /// Green light captured of the first pattern.
     pub(super) first: Plane,
+    /// Places of the panel in the captures.
+    pub(super) places: Vec<PanelPlace>,
 }
 
-/// Shows `count` patterns, made of squares of `pixel_px`, and grey.
-pub(super) fn shoot(
+/// Shows `patterns` and grey.
+pub(super) fn shoot<'a>(
     session: &mut Session<'_>,
     correction: &Correction,
-    count: usize,
-    nth: &dyn Fn(&Session<'_>, usize) -> Frame<Work>,
-    pixel_px: usize,
-) -> Result<Series, CalibrateError> {
+    patterns: Patterns<'a>,
+) -> Result<Series<'a>, CalibrateError> {
+    let Patterns { count, nth, pixel_px } = patterns;
+    let mut places = Vec::new();
     let size = session.layout.canvas();
     let mut grey = session.seen(correction, &Frame::filled(size, GREY))?;
     remove_beat(session, correction, &mut grey, &Frame::zeros(size));
@@ -122,6 +138,7 @@ pub(super) fn shoot(
     for n in 0..count {
         let shown = nth(session, n);
         let mut seen = session.seen(correction, &on_grey(&shown))?;
+        places.push(PanelPlace { capture: session.captures(), at_px: (0.0, 0.0) });
         remove_beat(session, correction, &mut seen, &shown);
         for (trusted, seen) in trusted.planes_mut().iter_mut().zip(seen.trusted.planes()) {
             trusted.data_mut().iter_mut().zip(seen.data()).for_each(|(a, &b)| *a &= b);
@@ -131,7 +148,8 @@ pub(super) fn shoot(
         }
         let gain = pattern_gain(session, &seen, &shown, &flat);
         gains = (gains.0.min(gain), gains.1.max(gain));
-        for (c, shown) in Channel::ALL.iter().zip(on_panel(correction, &shown).into_planes()) {
+        let on_panel = on_panel(correction, &shown, (0.0, 0.0)).into_planes();
+        for (c, shown) in Channel::ALL.iter().zip(on_panel) {
             let mut light = seen.light.plane(*c).clone();
             light.scale(1.0 / gain);
             let mut seen = difference(&light, flat.plane(*c));
@@ -145,7 +163,57 @@ pub(super) fn shoot(
     let whole = trusted.planes().each_ref().map(|plane| {
         averaged(&plane.map(f32::from), pixel_px).map(|share| u8::from(share > 0.999))
     });
-    Ok(Series { shots, trusted: whole, first })
+    let (shots, trusted) = (Arc::new(shots), Arc::new(Frame::from_planes(whole)));
+    Ok(Series { patterns, shots, trusted, first, places })
+}
+
+impl Series<'_> {
+    /// Fits the places of the panel in the captures to their predictions by `model`, whose
+    /// functions are off centre by `off_px`, and moves what was shown there; false if the panel
+    /// stayed where it was thought to be.
+    ///
+    /// # Errors
+    /// [`CalibrateError::GivenUp`] after a cancellation.
+    pub(super) fn follow(
+        &mut self,
+        session: &mut Session<'_>,
+        correction: &Correction,
+        model: &LensModel,
+        off_px: (f64, f64),
+    ) -> Result<bool, CalibrateError> {
+        let pixel_px = self.patterns.pixel_px;
+        let mut is_still = off_px.0.hypot(off_px.1) <= motion::STILL_PX;
+        for n in 0..self.places.len() {
+            session.go_on()?;
+            let [seen, shown] = [|shot: &Shot| shot.seen.clone(), |shot: &Shot| shot.shown.clone()]
+                .map(|plane| Frame::from_fn(|c| plane(&self.shots[c.index()][n])));
+            let comparison = Comparison {
+                seen: &on_grey(&seen),
+                predicted: &on_grey(&model.seen(&Channel::ALL, &shown)),
+                mask: &self.trusted,
+                area: Rect { x: 0, y: 0, size: seen.size() },
+                channels: &Channel::ALL,
+            };
+            // Pixel by pixel: means of random patterns over cells have little contrast.
+            let (x, y) = Registration::fit(&comparison, 1).shift_px;
+            let (x, y) = (pixel_px as f64 * x, pixel_px as f64 * y);
+            is_still &= x.hypot(y) <= motion::STILL_PX;
+            let at_px = &mut self.places[n].at_px;
+            *at_px = (at_px.0 + x + off_px.0, at_px.1 + y + off_px.1);
+        }
+        if is_still {
+            return Ok(false);
+        }
+        let shots = Arc::make_mut(&mut self.shots);
+        for (n, place) in self.places.iter().enumerate() {
+            session.go_on()?;
+            let shown = on_panel(correction, &(self.patterns.nth)(session, n), place.at_px);
+            for (c, shots) in Channel::ALL.into_iter().zip(shots.iter_mut()) {
+                shots[n].shown = averaged(shown.plane(c), pixel_px);
+            }
+        }
+        Ok(true)
+    }
 }
 
 /// Removes the noise of a capture of grey by a smooth surface. Where the panel ends with the canvas

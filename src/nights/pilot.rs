@@ -58,7 +58,10 @@ pub struct Drift {
     pub noise_ratio: f64,
 }
 
-/// Limits of drift. Guesses; the panel's noise and a camera's gain vary by less.
+/// Limits of drift. The displacement costs 1 % of the gain in dB, 0.5 px 5 % and 1 px a quarter, as
+/// captures are registered, but the panel's pixels are taken to be where the calibration saw them
+/// (`small.toml`, 2 photos, November 2026). The others are guesses; the panel's noise and a
+/// camera's gain vary by less.
 pub const LIMITS: Drift =
     Drift { shift_px: 0.25, gain_percent: 3.0, offset_levels: 1.0, noise_ratio: 1.5 };
 

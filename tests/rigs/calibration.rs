@@ -77,7 +77,7 @@ fn dark_corner_error(
 
 /// `scene` (photo-sized) on the canvas: its border is repeated over the margin, and the last two
 /// pixels are black, so that the panel is black outside the canvas like in the witness's operator.
-fn on_canvas(config: &config::RigFile, scene: [Plane; 3]) -> Frame<Work> {
+pub(crate) fn on_canvas(config: &config::RigFile, scene: [Plane; 3]) -> Frame<Work> {
     let (canvas, margin) = (config.canvas_size(), config.canvas.margin_px);
     Frame::from_planes(scene.map(|scene| {
         Plane::from_fn(canvas, |x, y| {
@@ -362,21 +362,36 @@ fn a_rig_out_of_focus_is_refused() {
     }
 }
 
+/// Calibrates the small rig and knocks its panel by (`x_px`, `y_px`) after `when` captures.
+fn knocked(when: u32, (x_px, y_px): (f64, f64)) -> Result<Calibration, CalibrateError> {
+    let config = load("small.toml");
+    let (mut rig, mut witness) = simulated::open(&config).expect("a simulated rig");
+    let mut is_done = false;
+    calibrate(&mut rig, &config, None, &mut |p| {
+        if p.captures >= when && !is_done {
+            witness.knock_panel(x_px, y_px);
+            is_done = true;
+        }
+        ControlFlow::Continue(())
+    })
+}
+
 #[test]
 #[ignore = "minutes: the long gate runs it"]
-fn a_moving_rig_gives_an_error_at_any_time() {
-    for when in [8, 20, 34] {
-        let config = load("small.toml");
-        let (mut rig, mut witness) = simulated::open(&config).expect("a simulated rig");
-        let mut knocked = false;
-        let error = calibrate(&mut rig, &config, None, &mut |p| {
-            if p.captures >= when && !knocked {
-                witness.knock_panel(0.6, -0.4);
-                knocked = true;
-            }
-            ControlFlow::Continue(())
-        })
-        .expect_err("a rig that moved");
+fn a_knock_is_followed_or_refused_at_any_time() {
+    let still = measured(&load("small.toml")).expect("a calibration").operator_error;
+    // Between checkerboards, gradations and series of patterns.
+    for when in [8, 20, 32] {
+        let found = knocked(when, (0.6, -0.4)).expect("a knock that can be followed");
+        let found = found.operator_error;
+        println!("knocked after {when} captures: {found:.3?}, {still:.3?} without");
+        assert!(found.iter().zip(still).all(|(found, still)| *found < 1.1 * still));
+    }
+    // Within a series it is too fast; a large one is too far at any time.
+    let fast = [24, 34].map(|when| (when, (0.6, -0.4)));
+    let far = [8, 20, 24, 34].map(|when| (when, (1.8, -1.2)));
+    for (when, knock) in fast.into_iter().chain(far) {
+        let error = knocked(when, knock).expect_err("a rig that moved");
         println!("after {when} captures: {}", full_message(&error));
         assert!(matches!(error, CalibrateError::Moving { .. }), "{error}");
     }

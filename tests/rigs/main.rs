@@ -20,6 +20,7 @@ mod raw_sites;
 mod restorer;
 mod timing;
 mod truthful;
+mod wander;
 mod whole_sensor;
 
 use std::collections::HashMap;

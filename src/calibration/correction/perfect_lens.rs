@@ -15,11 +15,17 @@ use crate::frame::{Channel, Frame, Plane, Rect, Size, Work};
 
 impl Correction {
     /// `picture` (light, 0..255, canvas-sized) in each of `channels` as a perfect lens sees it on
-    /// the panel of square pixels; zero in the other channels.
+    /// the panel of square pixels, which is displaced by `at_px` to the right and down, sensor
+    /// pixels; zero in the other channels.
     ///
     /// # Panics
     /// When the picture's size is not the canvas's.
-    pub fn by_perfect_lens(&self, channels: &[Channel], picture: &Frame<Work>) -> Frame<Work> {
+    pub fn by_perfect_lens(
+        &self,
+        channels: &[Channel],
+        picture: &Frame<Work>,
+        at_px: (f64, f64),
+    ) -> Frame<Work> {
         assert!(picture.size() == self.layout.canvas(), "a shown picture has the canvas's size");
         let mut seen = Frame::zeros(picture.size());
         // Sequential, as each channel needs a panel-sized plane.
@@ -27,6 +33,7 @@ impl Correction {
             let shown = self.shown_part(c);
             let panel = self.light_of(c, picture.plane(c), shown);
             let margin = self.layout.margin_px as f64;
+            let (left, top) = (-margin - at_px.0, -margin - at_px.1);
             let map = &self.geometry[c.index()].work_to_panel;
             let half = self.half_a_pixel(map);
             let width = picture.size().width;
@@ -34,8 +41,8 @@ impl Correction {
             rows.for_each_init(
                 || (vec![0.0; width], vec![0.0; width]),
                 |(at_x, at_y), (y, row)| {
-                    map.x.row(y as f64 - margin, -margin, 1.0, at_x);
-                    map.y.row(y as f64 - margin, -margin, 1.0, at_y);
+                    map.x.row(y as f64 + top, left, 1.0, at_x);
+                    map.y.row(y as f64 + top, left, 1.0, at_y);
                     for ((value, &x), &y) in row.iter_mut().zip(&*at_x).zip(&*at_y) {
                         *value = footprint(&panel, [x - shown.x as f32, y - shown.y as f32], half);
                     }
@@ -119,7 +126,7 @@ mod tests {
             Channel::ALL.map(|_| Geometry::one_to_one(layout().domain(), 9.0, 11.0));
         let correction = Correction::new(&calibration, layout()).unwrap();
         let picture = picture();
-        let seen = correction.by_perfect_lens(&Channel::ALL, &picture);
+        let seen = correction.by_perfect_lens(&Channel::ALL, &picture, (0.0, 0.0));
         for c in Channel::ALL {
             let pairs = seen.plane(c).data().iter().zip(picture.plane(c).data());
             let off = pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
@@ -128,10 +135,27 @@ mod tests {
     }
 
     #[test]
+    fn a_displaced_panel_gives_the_picture_displaced() {
+        let mut calibration = calibration();
+        calibration.geometry =
+            Channel::ALL.map(|_| Geometry::one_to_one(layout().domain(), 9.0, 11.0));
+        let correction = Correction::new(&calibration, layout()).unwrap();
+        let picture = picture();
+        let seen = correction.by_perfect_lens(&Channel::ALL, &picture, (2.0, -1.0));
+        let (seen, still) = (seen.plane(Channel::Red), picture.plane(Channel::Red));
+        for y in 1..still.height() - 1 {
+            for x in 2..still.width() {
+                let (found, wanted) = (seen.at(x, y), still.at(x - 2, y + 1));
+                assert!((found - wanted).abs() < 0.01, "({x}, {y}): {found} for {wanted}");
+            }
+        }
+    }
+
+    #[test]
     fn square_pixels_are_averaged_over_square_footprints() {
         let correction = Correction::new(&calibration(), layout()).unwrap();
         let picture = picture();
-        let seen = correction.by_perfect_lens(&[Channel::Blue], &picture);
+        let seen = correction.by_perfect_lens(&[Channel::Blue], &picture, (0.0, 0.0));
         assert_eq!(seen.plane(Channel::Green).rms(), 0.0);
         let [.., map] = &calibration().geometry;
         let blue = picture.plane(Channel::Blue);
