@@ -5,6 +5,9 @@ use relens::deconvolution::quality::ssim;
 use relens::frame::{Channel, FULL_SCALE, Frame, Plane, Size, Work};
 use relens::picture::{Lab, Tone};
 
+/// Display luminance below which a place of the scene counts as dark: dark grey print.
+const DARK: f32 = 75.0;
+
 /// A picture prepared for scoring.
 #[derive(Debug, Clone)]
 pub(crate) struct Appearance {
@@ -24,6 +27,8 @@ pub(crate) struct AppearanceScores {
     pub(crate) chroma: f64,
     /// 99th percentile of C*ab of the picture.
     pub(crate) chroma_99th: f64,
+    /// Mean error of a* and b* at the scene's dark places.
+    pub(crate) dark_cast: [f64; 2],
     /// Mean ΔE (CIEDE2000).
     pub(crate) difference: f64,
     /// Mean ΔE at the scene's edges.
@@ -63,6 +68,12 @@ impl Appearance {
         let mut chroma: Vec<f64> = self.colours.iter().map(|colour| colour.chroma()).collect();
         chroma.sort_by(f64::total_cmp);
         let pairs = self.colours.iter().zip(&scene.colours);
+        let is_dark: Vec<bool> = scene.luminance.data().iter().map(|&v| v < DARK).collect();
+        let cast = |of: fn(&Lab) -> f64| {
+            let dark = pairs.clone().zip(&is_dark).filter(|(_, is_dark)| **is_dark);
+            mean(&dark.map(|((own, wanted), _)| of(own) - of(wanted)).collect::<Vec<f64>>())
+        };
+        let dark_cast = [cast(|colour| colour.a), cast(|colour| colour.b)];
         let differences: Vec<f64> = pairs.map(|(a, b)| a.difference(*b)).collect();
         let edges = edges(&scene.luminance);
         let at_edges: Vec<f64> =
@@ -72,6 +83,7 @@ impl Appearance {
             rgb_db: 10.0 * (f64::from(FULL_SCALE).powi(2) / power).log10(),
             chroma: mean(&chroma),
             chroma_99th: chroma[chroma.len() * 99 / 100],
+            dark_cast,
             difference: mean(&differences),
             edge_difference: mean(&at_edges),
         }

@@ -1,5 +1,5 @@
 //! Colours of results: charts in black and white and in inks, and photographs, by the methods that
-//! start from the lens model.
+//! start from the lens model and the rig's own.
 
 use std::path::Path;
 
@@ -112,15 +112,23 @@ pub(crate) fn run(rig: &RigFile, quick: bool, pictures: Option<&Path>) -> Result
         "RGB dB",
         "C*ab",
         "99 %",
+        "dark a*",
+        "dark b*",
         "ΔE",
         "ΔE at edges",
         "processor s",
         "captures",
     ];
-    let words = format!("{}, {}: colours; SSIM of luminance.", rig.name, rig.photo.size());
+    let words = format!(
+        "{}, {}: colours; SSIM of luminance; a* and b* of dark places less the scene's.",
+        rig.name,
+        rig.photo.size()
+    );
     let (mut made, mut table) = (Made::default(), Table::new(words, &head));
-    let methods: &[MethodName] =
-        if quick { &[MethodName::Digital] } else { &[MethodName::Digital, MethodName::Hybrid] };
+    let own = rig.restore.method;
+    let others = [MethodName::Digital, MethodName::Hybrid].into_iter();
+    let others = others.filter(|&method| !quick && method != own);
+    let methods: Vec<MethodName> = others.chain([own]).collect();
     for (n, (name, light)) in scenes(rig.photo.size(), &tone, pictures)?.into_iter().enumerate() {
         let photo = TestPhoto::taken(&witness, rig.photo.curve, &light, PHOTO_SEED + n as u64);
         let scene = Appearance::new(&tone, &witness.shaded(&light));
@@ -132,10 +140,12 @@ pub(crate) fn run(rig: &RigFile, quick: bool, pictures: Option<&Path>) -> Result
                 found.rgb_db,
                 found.chroma,
                 found.chroma_99th,
+                found.dark_cast[0],
+                found.dark_cast[1],
                 found.difference,
                 found.edge_difference,
             ];
-            let digits = [4, 2, 2, 1, 2, 2];
+            let digits = [4, 2, 2, 1, 1, 1, 2, 2];
             let mut cells = vec![name.clone(), method.to_owned()];
             cells.extend(scores.iter().zip(digits).map(|(v, digits)| format!("{v:.digits$}")));
             cells.extend(cost);
@@ -147,7 +157,7 @@ pub(crate) fn run(rig: &RigFile, quick: bool, pictures: Option<&Path>) -> Result
         };
         add("scene", &witness.shaded(&light), ["".into(), "".into()])?;
         add("photo", &photo.light, ["".into(), "".into()])?;
-        for &which in methods {
+        for &which in &methods {
             let solver = method(rig, which);
             let (solved, seconds) =
                 test_rig.solve(&photo, Channels::Colour, &*solver, &mut |_, _| {})?;
