@@ -30,7 +30,7 @@ pub mod panel_beat;
 pub mod patches;
 pub mod quality;
 pub mod registration;
-mod smoothing;
+pub mod smoothing;
 pub mod stage;
 pub mod wavelet;
 pub mod wavelet_shrinkage;

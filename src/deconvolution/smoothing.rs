@@ -1,6 +1,6 @@
 //! Smoothing and decimation of planes.
 
-use crate::frame::{Plane, Size};
+use crate::frame::{Plane, Rect, Size};
 
 /// The mean of every 2×2 pixels; an odd last row or column counts twice.
 pub(super) fn halve(plane: &Plane) -> Plane {
@@ -51,5 +51,77 @@ fn add_weighted<'a>(
     for (tap, weight) in weights.iter().enumerate() {
         let weight = weight / total;
         out.iter_mut().zip(row(tap)).for_each(|(sum, v)| *sum += weight * v);
+    }
+}
+
+/// Means over `reach` pixels to each side, edges repeated.
+pub fn mean_around(plane: &Plane, reach: usize) -> Plane {
+    let (width, height) = (plane.width(), plane.height());
+    let mean = |at: usize, length: usize, of: &dyn Fn(usize) -> f32| {
+        let places = (0..=2 * reach).map(|n| (at + n).saturating_sub(reach).min(length - 1));
+        places.map(of).sum::<f32>() / (2 * reach + 1) as f32
+    };
+    let rows = Plane::from_fn(plane.size(), |x, y| mean(x, width, &|x| plane.at(x, y)));
+    Plane::from_fn(plane.size(), |x, y| mean(y, height, &|y| rows.at(x, y)))
+}
+
+/// Replaces the pixels of `plane` that are set in `mask`, which lies at `rect`, by a smooth
+/// continuation of the others.
+pub fn fill(plane: &mut Plane, mask: &Plane<bool>, rect: Rect) {
+    let weights = mask.map(|masked: bool| f32::from(u8::from(!masked)));
+    let filled = filled(&plane.crop(rect), &weights);
+    for y in 0..rect.size.height {
+        plane.row_mut(rect.y + y)[rect.x..][..rect.size.width].copy_from_slice(filled.row(y));
+    }
+}
+
+/// `values`, those of weight 0 replaced by interpolated means over the smallest squares with a
+/// weight.
+fn filled(values: &Plane, weights: &Plane) -> Plane {
+    let size = values.size();
+    if size.area() == 1 || weights.data().iter().all(|&weight| weight > 0.0) {
+        return values.clone();
+    }
+    let mut weighted = values.clone();
+    weighted.data_mut().iter_mut().zip(weights.data()).for_each(|(v, weight)| *v *= weight);
+    let (mut means, weights_of_four) = (halve(&weighted), halve(weights));
+    let pairs = means.data_mut().iter_mut().zip(weights_of_four.data());
+    pairs.for_each(|(mean, &weight)| *mean /= if weight > 0.0 { weight } else { 1.0 });
+    let coarse = filled(&means, &weights_of_four);
+    // Three quarters of the square around a pixel, a quarter of the nearest other one.
+    let near = |at: usize, length: usize| {
+        let beside = if at.is_multiple_of(2) { (at / 2).saturating_sub(1) } else { at / 2 + 1 };
+        [(at / 2, 0.75), (beside.min(length - 1), 0.25)]
+    };
+    Plane::from_fn(size, |x, y| {
+        if weights.at(x, y) > 0.0 {
+            return values.at(x, y);
+        }
+        let row = |y: usize| {
+            near(x, coarse.width()).map(|(x, share)| share * coarse.at(x, y)).iter().sum::<f32>()
+        };
+        near(y, coarse.height()).map(|(y, share)| share * row(y)).iter().sum()
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_hole_is_filled_from_its_rim() {
+        let size = Size::new(37, 26);
+        let rect = Rect { x: 2, y: 1, size: Size::new(33, 23) };
+        let slope = |x: usize, y: usize| 50.0 + 2.0 * x as f32 - y as f32;
+        let hole = |x: usize, y: usize| (10..20).contains(&x) && (8..15).contains(&y);
+        let mask = Plane::from_fn(rect.size, hole);
+        let in_hole = |x: usize, y: usize| x >= 2 && y >= 1 && hole(x - 2, y - 1);
+        let mut plane =
+            Plane::from_fn(size, |x, y| if in_hole(x, y) { 255.0 } else { slope(x, y) });
+        fill(&mut plane, &mask, rect);
+        for (x, y) in (0..size.area()).map(|i| (i % size.width, i / size.width)) {
+            let error = (plane.at(x, y) - slope(x, y)).abs();
+            assert!(error <= if in_hole(x, y) { 12.0 } else { 0.0 }, "({x}, {y}): {error}");
+        }
     }
 }

@@ -48,6 +48,11 @@ impl Photo {
         encode(&self.name, picture, &manner, self.channels == Channels::Green)
     }
 
+    /// `plane`, in the photo's stored orientation, turned upright.
+    pub fn upright(&self, plane: &Plane) -> Plane {
+        turn(plane, self.manner.orientation)
+    }
+
     /// `picture` (linear light, the photo's stored orientation) for display: upright, in sRGB's
     /// primaries, grey photos grey.
     pub fn for_display(&self, picture: &Frame<Work>) -> Frame<Work> {
@@ -55,7 +60,7 @@ impl Photo {
         let picture = developed.as_ref().unwrap_or(picture);
         let grey = self.channels == Channels::Green || self.manner.layout.is_grey();
         let source = |c: Channel| picture.plane(if grey { Channel::Green } else { c });
-        Frame::from_fn(|c| turn(source(c), self.manner.orientation))
+        Frame::from_fn(|c| self.upright(source(c)))
     }
 }
 

@@ -4,12 +4,14 @@
 //! does the rest, for the box, the charts and the laboratory alike. [`Pipeline::solve`] alone gives
 //! a method's result before it is judged.
 
+mod find_outliers;
 mod focus;
 mod judging;
 mod methods;
 mod model_error;
 mod optical_residual;
 mod outcome;
+mod outliers;
 mod photo_data;
 mod prepare;
 mod raw_noise;
@@ -25,6 +27,7 @@ pub use judging::{
 pub use methods::{digital, hybrid, method, paper, reference_solution};
 pub use optical_residual::{CertifiedFocus, Confirmation, OpticalResidual};
 pub use outcome::{Iteration, Outcome, Restoration, Verdict};
+pub use outliers::{Outliers, areas};
 pub use photo_data::{PhotoData, Recorded};
 pub use raw_noise::AVERAGED_MIN;
 pub(crate) use setting::counted;

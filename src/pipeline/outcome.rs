@@ -5,7 +5,8 @@ use serde::{Deserialize, Serialize};
 use super::Pipeline;
 use super::judging::Evidence;
 use super::judging::limits::{NOTHING_BUT_NOISE, SHARPER};
-use super::optical_residual::{CertifiedFocus, OpticalResidual};
+use super::optical_residual::{CertifiedFocus, Confirmation, OpticalResidual};
+use super::outliers::Outliers;
 use super::stages::{Prepared, Solved};
 use crate::deconvolution::focus::NOISE_MAX;
 use crate::deconvolution::method::{Certificate, Method, MethodError, Watch};
@@ -50,6 +51,8 @@ pub struct Outcome {
     pub notes: Vec<String>,
     /// Steps of the method that made it.
     pub iterations: Vec<Iteration>,
+    /// Parts delivered as they were.
+    pub outliers: Option<Outliers>,
 }
 
 /// One step of a method.
@@ -120,8 +123,7 @@ impl Pipeline {
         method: &dyn Method,
         watch: &mut Watch<'_>,
     ) -> Result<(Outcome, Solved), MethodError> {
-        let solved = self.solve(rig, photo, method, watch)?;
-        let mut outcome = self.judge(photo, &solved, watch)?;
+        let (mut outcome, solved) = self.restore_explained(rig, photo, method, watch)?;
         if let Some(certificate) = &mut outcome.certificate
             && !self.focuses.is_panel_alone()
         {
@@ -132,13 +134,37 @@ impl Pipeline {
             outcome.notes.push(focus.note());
             return Ok((outcome, solved));
         }
-        let at_panel = photo.at_panel();
-        let mut again = self.solve(rig, &at_panel, method, watch)?;
-        again.captures += solved.captures;
-        again.capture_seconds += solved.capture_seconds;
-        again.waited_seconds += solved.waited_seconds;
-        let outcome = self.judge(&at_panel, &again, watch)?;
-        Ok((outcome, again))
+        let (outcome, again) = self.restore_explained(rig, &photo.at_panel(), method, watch)?;
+        Ok((outcome, again.with_captures_of(&solved)))
+    }
+
+    /// Restores `photo` at its focus. Where no scene gives it, it is restored without its outliers,
+    /// if no capture contradicts that.
+    fn restore_explained(
+        &self,
+        rig: &mut Devices,
+        photo: &Prepared<'_>,
+        method: &dyn Method,
+        watch: &mut Watch<'_>,
+    ) -> Result<(Outcome, Solved), MethodError> {
+        let solved = self.solve(rig, photo, method, watch)?;
+        let outcome = self.judge(photo, &solved, watch)?;
+        if outcome.verdict != Verdict::Untouched {
+            return Ok((outcome, solved));
+        }
+        let Some(rest) = self.without_outliers(photo, &solved) else {
+            return Ok((outcome, solved));
+        };
+        let again = self.solve(rig, &rest, method, watch)?;
+        let judged = self.judge(&rest, &again, watch)?;
+        let captures = solved.captures + again.captures;
+        let is_contradicted = judged.confirmation() == Some(Confirmation::Not);
+        if judged.verdict == Verdict::Untouched || is_contradicted {
+            return Ok((Outcome { captures, ..outcome }, solved.with_captures_of(&again)));
+        }
+        let notes = rest.outliers.iter().map(Outliers::note).collect();
+        let outcome = Outcome { outliers: rest.outliers, notes, captures, ..judged };
+        Ok((outcome, again.with_captures_of(&solved)))
     }
 }
 
@@ -157,7 +183,13 @@ impl Outcome {
             seconds: 0.0,
             notes: Vec::new(),
             iterations: Vec::new(),
+            outliers: None,
         }
+    }
+
+    /// What the photograph of a result confirms, if there is one.
+    pub fn confirmation(&self) -> Option<Confirmation> {
+        self.certificate.as_ref().map(OpticalResidual::confirmation)
     }
 
     /// The result `solved`, with its `evidence`.
@@ -180,6 +212,7 @@ impl Outcome {
             seconds: 0.0,
             notes: Vec::new(),
             iterations: iterations(solved),
+            outliers: None,
         }
     }
 }

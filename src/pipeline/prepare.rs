@@ -232,6 +232,7 @@ impl Pipeline {
             observation,
             focus: None,
             is_of_sharper_lens: false,
+            outliers: None,
             notes: Vec::new(),
             lens_alone: OnceLock::new(),
             untouched: OnceLock::new(),

@@ -93,10 +93,13 @@ impl Pipeline {
         solution: Solution,
     ) -> Solved {
         let rect = photo.observation.rect;
-        let picture = match photo.observation.channels {
+        let mut picture = match photo.observation.channels {
             Channels::Colour => self.photo_side.line_up_colours(&solution.picture).crop(rect),
             Channels::Green => solution.picture.crop(rect),
         };
+        if let Some(outliers) = &photo.outliers {
+            outliers.put_back(&mut picture, &photo.photo);
+        }
         Solved { picture, solution, about, captures: 0, capture_seconds: 0.0, waited_seconds: 0.0 }
     }
 }

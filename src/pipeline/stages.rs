@@ -4,6 +4,7 @@ use std::borrow::Cow;
 use std::sync::{Arc, OnceLock};
 
 use super::judging::{Evidence, Residuals};
+use super::outliers::Outliers;
 use crate::calibration::SiteNorms;
 use crate::deconvolution::lens_model::LensModel;
 use crate::deconvolution::level_norms::LevelNorms;
@@ -23,6 +24,8 @@ pub struct Prepared<'a> {
     pub focus: Option<PhotoFocus>,
     /// Whether its spectrum shows a lens much sharper than the measured one; of raw photos.
     pub is_of_sharper_lens: bool,
+    /// Its outliers, where it is solved without them.
+    pub outliers: Option<Outliers>,
     /// Notes for the report.
     pub notes: Vec<String>,
     /// The verdict of the measured lens alone, computed when first needed.
@@ -65,10 +68,15 @@ impl PhotoFocus {
 }
 
 impl Prepared<'_> {
+    /// The same photo, without findings on it.
+    pub(super) fn unjudged(&self) -> Self {
+        let (lens_alone, untouched) = (OnceLock::new(), OnceLock::new());
+        Prepared { lens_alone, untouched, ..self.clone() }
+    }
+
     /// The photo as if taken at the panel's focus.
     pub(super) fn at_panel(&self) -> Self {
-        let (lens_alone, untouched) = (OnceLock::new(), OnceLock::new());
-        Prepared { focus: None, lens_alone, untouched, ..self.clone() }
+        Prepared { focus: None, ..self.unjudged() }
     }
 }
 
@@ -87,6 +95,18 @@ pub struct Solved {
     pub capture_seconds: f64,
     /// Seconds waited for them on the stopwatch; on a simulated rig they are computed meanwhile.
     pub waited_seconds: f64,
+}
+
+impl Solved {
+    /// The same result with the captures of `another` one of the same photo.
+    pub(super) fn with_captures_of(self, another: &Solved) -> Solved {
+        Solved {
+            captures: self.captures + another.captures,
+            capture_seconds: self.capture_seconds + another.capture_seconds,
+            waited_seconds: self.waited_seconds + another.waited_seconds,
+            ..self
+        }
+    }
 }
 
 /// What the lens model alone shows of a photo.

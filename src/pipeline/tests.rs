@@ -126,6 +126,41 @@ fn a_replaced_result_is_told_as_what_is_delivered_and_why() {
     assert_eq!((alone.verdict, alone.picture), (Verdict::Sound, outcome.picture));
 }
 
+#[test]
+fn a_stamped_photo_is_restored_around_the_stamp() {
+    let mut bed = Bed::new();
+    let scene = bed.coffee();
+    let photo = bed.photo_of(&scene);
+    let stamp = |x: usize, y: usize| {
+        (170..230).contains(&x) && (160..172).contains(&y) && (x / 3 + y / 3).is_multiple_of(2)
+    };
+    let stamped = Frame::from_fn(|c| {
+        let of = photo.plane(c);
+        Plane::from_fn(of.size(), |x, y| if stamp(x, y) { 250.0 } else { of.at(x, y) })
+    });
+    let solver = digital(&bed.config);
+    let outcome = bed.restore(&stamped, &solver);
+    assert_eq!(outcome.verdict, Verdict::Sound, "{}", outcome.reason);
+    let outliers = outcome.outliers.as_ref().expect("the stamp is an outlier");
+    assert!(outliers.share() < 0.1, "{}", outliers.share());
+    assert!(outcome.notes.contains(&outliers.note()), "{:?}", outcome.notes);
+    let green = |frame: &Frame<Work>| frame.plane(Channel::Green).clone();
+    let [stamped, scene, result] = [&stamped, &scene, &outcome.picture].map(green);
+    let (mut before, mut after) = (0.0f32, 0.0f32);
+    for (x, y) in (0..scene.size().area()).map(|i| (i % scene.width(), i / scene.width())) {
+        match outliers.weight.at(x, y) {
+            0.0 => {
+                before += (stamped.at(x, y) - scene.at(x, y)).powi(2);
+                after += (result.at(x, y) - scene.at(x, y)).powi(2);
+            }
+            1.0 => assert!((result.at(x, y) - stamped.at(x, y)).abs() < 1e-3, "({x}, {y})"),
+            _ => {}
+        }
+    }
+    assert!(after < 0.8 * before, "{after} for {before}");
+    assert!(bed.restore(&photo, &solver).outliers.is_none());
+}
+
 /// The reference solution, changed.
 struct Changed {
     about: &'static About,

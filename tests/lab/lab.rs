@@ -23,6 +23,7 @@ mod regimes;
 mod sized;
 mod speed_accuracy;
 mod stability;
+mod strange;
 mod truths;
 mod view;
 mod worth;
@@ -87,6 +88,8 @@ enum Experiment {
     Judging,
     /// Photos of other lenses: how many are changed
     Foreign,
+    /// Photos with something strange in them: the gain that remains
+    Strange,
     /// Gain of captures over the measured lens alone
     Regimes,
     /// Time and quality of the rig's own method
@@ -115,13 +118,14 @@ fn main() -> ExitCode {
 fn run(options: &Options) -> Result<(), Failure> {
     use Experiment::{
         Colour, ColourCrops, Conditions, Figures, Foreign, Jpeg, JpegFiles, Judging, Pace, Regimes,
-        SpeedAccuracy, Stability, Worth, WrongModels,
+        SpeedAccuracy, Stability, Strange, Worth, WrongModels,
     };
     let Options { what, out, quick, rows, pictures, .. } = options;
     if let Some(group) = options.group {
         std::fs::create_dir_all(out)?;
         let made = match rows {
             _ if *what == Foreign => judging::foreign::run(group, *quick)?,
+            _ if *what == Strange => strange::run(group, *quick)?,
             Some(rows) => judging::walked_again(group, &std::fs::read_to_string(rows)?)?,
             None => judging::run(group, *quick)?,
         };
@@ -158,7 +162,7 @@ fn run(options: &Options) -> Result<(), Failure> {
         (Regimes, _) => regimes::run(&rig),
         (Worth, _) => worth::run(&rig, *quick),
         (Figures, _) => figures::run(&rig, out),
-        (Judging | Foreign, _) => Err("this needs a --group".into()),
+        (Judging | Foreign | Strange, _) => Err("this needs a --group".into()),
     }?;
     made.write(out)?;
     made.tables.iter().for_each(|(_, table)| say(&table.markdown()));

@@ -5,7 +5,7 @@ use std::fmt::Write;
 use super::html::{escape, moment, span};
 use crate::daemon::store::deliver::is_beyond_preview;
 use crate::daemon::store::names::{full_size_address, thumbnail_address};
-use crate::daemon::store::report_file::{Report, ResultKind, without_numbers};
+use crate::daemon::store::report_file::{RelativeRect, Report, ResultKind, without_numbers};
 use crate::deconvolution::stage::ResultStage;
 use crate::frame::Size;
 use crate::pipeline::Confirmation;
@@ -77,6 +77,12 @@ pub(super) fn card(html: &mut String, photo: &GalleryPhoto<'_>, up: &str) {
             report.size, report.stored,
         );
     }
+    if !report.left_as_they_were.is_empty() {
+        html.push_str(
+            "<p class=\"quiet\">Outlined parts are as in the photo: no scene gives them \
+                       through this lens.</p>\n",
+        );
+    }
     if let Some((class, words)) = describe_confirmation(report) {
         let _ = writeln!(html, "<p class=\"certificate {class}\">{words}</p>");
     }
@@ -120,11 +126,12 @@ fn pair(html: &mut String, photo: &GalleryPhoto<'_>, up: &str) {
          <figcaption>photo</figcaption></figure>\
          <figure class=\"after\"><img src=\"{up}{after}\" alt=\"{name}, {result_words}\"{} \
          loading=\"lazy\" draggable=\"false\" width=\"{width}\" height=\"{height}\">\
-         <figcaption>{result_words}</figcaption></figure>{}<i></i>\
+         {}<figcaption>{result_words}</figcaption></figure>{}<i></i>\
          <input type=\"range\" min=\"0\" max=\"100\" value=\"50\" aria-valuetext=\"50 % of the \
          photo, 50 % of the result\" aria-label=\"Compare {name} with its result\"></div>",
         full_size_attribute(report, &report.before, up),
         full_size_attribute(report, &report.after, up),
+        outlines(report),
         scene.as_ref().map_or(String::new(), |scene| format!(
             "<figure class=\"scene\"><img src=\"{up}{}\" alt=\"{name}, the true scene\" \
              loading=\"lazy\" draggable=\"false\" width=\"{width}\" height=\"{height}\">\
@@ -132,6 +139,19 @@ fn pair(html: &mut String, photo: &GalleryPhoto<'_>, up: &str) {
             escape(scene)
         )),
     );
+}
+
+/// Outlines of the areas delivered as they were.
+fn outlines(report: &Report) -> String {
+    let outline = |area: &RelativeRect| {
+        let RelativeRect { x, y, width, height } = *area;
+        let [x, y, width, height] = [x, y, width, height].map(|share| 100.0 * share);
+        format!(
+            "<b title=\"as it was\" style=\"left:{x:.1}%;top:{y:.1}%;width:{width:.1}%;\
+             height:{height:.1}%\"></b>"
+        )
+    };
+    report.left_as_they_were.iter().map(outline).collect()
 }
 
 fn is_smaller(report: &Report) -> bool {
@@ -353,6 +373,17 @@ mod tests {
         let html = card_of(&report);
         assert!(html.contains("<dd>4000×3000 pixels</dd>") && !html.contains("Smaller"), "{html}");
         assert!(html.contains("at 256×192; the file is unchanged, 4000×3000"), "{html}");
+    }
+
+    #[test]
+    fn areas_left_as_they_were_are_outlined() {
+        let mut report = report(1);
+        assert!(!card_of(&report).contains("<b ") && !card_of(&report).contains("Outlined"));
+        report.left_as_they_were =
+            vec![RelativeRect { x: 0.5, y: 0.75, width: 0.25, height: 0.125 }];
+        let wanted = "style=\"left:50.0%;top:75.0%;width:25.0%;height:12.5%\"></b>";
+        let html = card_of(&report);
+        assert!(html.contains(wanted) && visible(&html).contains("Outlined parts"), "{html}");
     }
 
     #[test]

@@ -40,6 +40,7 @@ pub(super) fn report(n: u64) -> Report {
         curve: "sRGB".into(),
         grey: false,
         turned: None,
+        left_as_they_were: vec![],
         notes: vec![],
         iterations: vec![],
         finished_unix_s: 1_700_000_000 + 7 * n,

@@ -8,9 +8,9 @@ use serde::{Deserialize, Serialize};
 use super::names::address;
 use crate::deconvolution::stage::ResultStage;
 use crate::disk::{FileError, Files};
-use crate::frame::{Channels, Size};
+use crate::frame::{Channels, Rect, Size};
 use crate::picture::{Format, Photo};
-use crate::pipeline::{Iteration, OpticalResidual, Outcome, Verdict};
+use crate::pipeline::{Iteration, OpticalResidual, Outcome, Verdict, areas};
 
 /// Content of a result.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -20,6 +20,33 @@ pub enum ResultKind {
     Restored,
     /// The photo itself; the notes hold the reason.
     Untouched,
+}
+
+/// A rectangle of the upright picture, in shares of its width and height, 0..1.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct RelativeRect {
+    /// Distance of its left edge from the picture's.
+    pub x: f64,
+    /// Distance of its upper edge from the picture's.
+    pub y: f64,
+    /// Its width.
+    pub width: f64,
+    /// Its height.
+    pub height: f64,
+}
+
+fn left_as_they_were(photo: &Photo, outcome: &Outcome) -> Vec<RelativeRect> {
+    let Some(outliers) = &outcome.outliers else { return Vec::new() };
+    let weight = photo.upright(&outliers.weight);
+    let of_width = |px: usize| px as f64 / weight.width() as f64;
+    let of_height = |px: usize| px as f64 / weight.height() as f64;
+    let areas = areas(&weight).into_iter().map(|Rect { x, y, size }| RelativeRect {
+        x: of_width(x),
+        y: of_height(y),
+        width: of_width(size.width),
+        height: of_height(size.height),
+    });
+    areas.collect()
 }
 
 /// The report beside a result, `NAME.json`.
@@ -60,6 +87,9 @@ pub struct Report {
     pub grey: bool,
     /// EXIF orientation applied to the result; `None` when it is delivered as stored.
     pub turned: Option<u8>,
+    /// Areas delivered as they were, because no scene gives them through the lens.
+    #[serde(default)]
+    pub left_as_they_were: Vec<RelativeRect>,
     /// Notes for the user.
     pub notes: Vec<String>,
     /// The method's record.
@@ -110,6 +140,7 @@ impl Report {
             curve: photo.manner.tone.origin().to_owned(),
             grey: photo.channels == Channels::Green,
             turned: photo.turned(),
+            left_as_they_were: left_as_they_were(photo, outcome),
             notes: photo
                 .report_notes(about.format)
                 .into_iter()

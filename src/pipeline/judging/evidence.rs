@@ -89,7 +89,7 @@ pub(super) fn worst_unexplained(channels: &[Residuals]) -> Option<&Residuals> {
 }
 
 /// [`Residuals::product`] of the worst channel, 0 if none counts.
-pub(super) fn unexplained_product(channels: &[Residuals]) -> f64 {
+pub(in crate::pipeline) fn unexplained_product(channels: &[Residuals]) -> f64 {
     worst_unexplained(channels).map_or(0.0, |of| of.product().into())
 }
 

@@ -5,6 +5,7 @@
 //! or the reference solution, which is sharp and flat at once.
 
 use super::limits::{DATA_SHARE_MIN, FLAT, GRAIN_SEEN, GRAIN_TIMES};
+use crate::deconvolution::smoothing::mean_around;
 use crate::frame::Plane;
 
 /// Pixels to each side over which slopes are averaged.
@@ -48,17 +49,6 @@ fn flat(lightness: &Plane) -> Plane {
         (across / 2.0).hypot((smooth.at(x, below) - smooth.at(x, above)) / 2.0)
     });
     mean_around(&slope, AROUND).map(|v: f32| f32::from(u8::from(v <= FLAT)))
-}
-
-/// Means over `reach` pixels to each side, edges repeated.
-fn mean_around(plane: &Plane, reach: usize) -> Plane {
-    let (width, height) = (plane.width(), plane.height());
-    let mean = |at: usize, length: usize, of: &dyn Fn(usize) -> f32| {
-        let places = (0..=2 * reach).map(|n| (at + n).saturating_sub(reach).min(length - 1));
-        places.map(of).sum::<f32>() / (2 * reach + 1) as f32
-    };
-    let rows = Plane::from_fn(plane.size(), |x, y| mean(x, width, &|x| plane.at(x, y)));
-    Plane::from_fn(plane.size(), |x, y| mean(y, height, &|y| rows.at(x, y)))
 }
 
 /// RMS of second differences along both axes of `lightness` over `flat` pixels, at the scale where

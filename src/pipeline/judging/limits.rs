@@ -30,12 +30,33 @@ pub(super) const NO_GAIN: f64 = 1.05;
 /// Product of the residual over its floor and over the untouched photo's above which no scene gives
 /// the photo, of the reference solution, and a result is suspect. Set on `small.toml` under the
 /// laboratory's faults.
-pub(super) const FOREIGN: f64 = 0.72;
+pub(in crate::pipeline) const FOREIGN: f64 = 0.72;
 /// Residual over its floor from which a channel shows more than noise. Set as [`FOREIGN`].
 pub(super) const MORE_THAN_NOISE: f32 = 1.6;
 /// Least residual over the untouched photo's of a channel that counts for [`FOREIGN`]: a contrasty
 /// photo solved with a coarse lens model has a smaller one, and gains.
 pub(super) const FOREIGN_SHARE: f32 = 0.32;
+/// Limits on the same product by place, in a foreign photo.
+#[derive(Debug, Clone, Copy)]
+pub(in crate::pipeline) struct OutlierLimits {
+    /// Connected pixels above this are one place.
+    pub(in crate::pipeline) of_any: f32,
+    /// A place with a pixel above this is an outlier.
+    pub(in crate::pipeline) of_clearest: f32,
+}
+
+/// The limits, the first of which that explain the rest of the photo apply. Set on photos of the
+/// limits: stamps need the first, watermarks the others.
+pub(in crate::pipeline) const OUTLIERS: [OutlierLimits; 3] = [
+    OutlierLimits { of_any: 2.0, of_clearest: 4.0 },
+    OutlierLimits { of_any: 2.0, of_clearest: 2.0 },
+    OutlierLimits { of_any: 1.4, of_clearest: 1.4 },
+];
+/// Share of a photo, and of its informative pixels, above which outliers make it foreign. A
+/// watermark over a fifth is still one of a photo of this lens.
+pub(in crate::pipeline) const OUTLIERS_MOST: f64 = 1.0 / 3.0;
+/// Residual of the untouched photo over its noise from which pixels are informative. Guess.
+pub(in crate::pipeline) const INFORMATIVE: f32 = 2.0;
 /// Steps of the short reference solution, of one channel, that is tried first. Guess.
 pub(super) const SHORT_STEPS: u32 = 12;
 /// The product above which the short solution suffices to call a photo foreign. Of 165

@@ -4,7 +4,7 @@
 //! costs little, and then, beside the reference solution, for whether it harms. A harmful result is
 //! replaced by a solution of the measured lens alone: that of `digital` where captures led astray,
 //! else the reference solution. The photo itself is returned where no scene gives it through the
-//! measured lens, or noise hides what the lens did.
+//! measured lens, also without its outliers, or noise hides what the lens did.
 
 mod distance;
 mod evidence;
@@ -18,13 +18,15 @@ mod residuals;
 mod table;
 mod verdict;
 
+pub(super) use evidence::unexplained_product;
+use evidence::worst_unexplained;
 pub use evidence::{Evidence, Residuals};
-use evidence::{unexplained_product, worst_unexplained};
 pub use findings::{Findings, PHOTO_LIMITS, PhotoLimits};
 pub use fine_colour::FineColour;
 pub use grain::Grain;
 use measures::Case;
 pub(super) use reference::KnownCandidate;
+pub(super) use residuals::valid_pixels;
 pub use table::{Unit, WITNESSES, WitnessRow};
 pub use verdict::{Measures, harm, is_suspect};
 

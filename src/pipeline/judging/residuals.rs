@@ -30,7 +30,7 @@ impl Pipeline {
     }
 
     /// The prediction K̂L of what was `solved` for `photo`.
-    pub(super) fn predicted<'a>(
+    pub(in crate::pipeline) fn predicted<'a>(
         &self,
         photo: &Prepared<'_>,
         solved: &'a Solved,
@@ -136,7 +136,11 @@ pub(super) struct Explained<'a> {
 /// Valid pixels of a channel of `photo`: those that no light from beyond saturated ones reaches
 /// through `lens`. Where saturated pixels lie everywhere, as clipped noise or a night's lights, the
 /// reach shrinks until enough pixels remain.
-fn valid_pixels(photo: &Prepared<'_>, lens: &LensModel, c: Channel) -> Plane<u8> {
+pub(in crate::pipeline) fn valid_pixels(
+    photo: &Prepared<'_>,
+    lens: &LensModel,
+    c: Channel,
+) -> Plane<u8> {
     let trust = photo.observation.trust.plane(c);
     let mut reach = lens.functions().support_px / 2;
     loop {
