@@ -4,12 +4,13 @@ use serde::{Deserialize, Serialize};
 
 use super::Pipeline;
 use super::judging::Evidence;
-use super::judging::limits::{NOTHING_BUT_NOISE, SHARPER};
+use super::judging::limits::{NOT_THIS_LENS, NOTHING_BUT_NOISE, ONE_BLUR, SHARPER};
 use super::optical_residual::{CertifiedFocus, Confirmation, OpticalResidual};
 use super::outliers::Outliers;
 use super::stages::{Prepared, Solved};
 use crate::deconvolution::focus::NOISE_MAX;
 use crate::deconvolution::method::{Certificate, Method, MethodError, Watch};
+use crate::deconvolution::one_blur::errors_for_one_blur;
 use crate::deconvolution::stage::ResultStage;
 use crate::frame::{Channel, Frame, Work};
 use crate::rig::exposure::Devices;
@@ -111,7 +112,20 @@ impl Pipeline {
             let is_noise = photo.observation.channels.list().iter().any(is_noisier);
             return Some(if is_noise { NOTHING_BUT_NOISE } else { ResultStage::Photo.reason() });
         }
-        photo.is_of_sharper_lens.then_some(SHARPER)
+        if photo.is_of_sharper_lens {
+            return Some(SHARPER);
+        }
+        // Its spectrum may have misled the search for the focus.
+        let is_foreign = self.has_one_blur(photo)
+            && (photo.focus.is_none() || self.has_one_blur(&photo.at_panel()));
+        is_foreign.then_some(NOT_THIS_LENS)
+    }
+
+    /// Whether one blur explains the colours of `photo` better than the measured lens does.
+    fn has_one_blur(&self, photo: &Prepared<'_>) -> bool {
+        let errors = errors_for_one_blur(self.lens_of(photo), &photo.observation);
+        log::debug!("one blur explains blue better by {errors:.1?} standard errors");
+        errors.is_some_and(|errors| errors > ONE_BLUR)
     }
 
     /// Restores `photo` at its own focus, or at the panel's if no scene gives it at its own: its

@@ -376,7 +376,7 @@ fn a_refused_photo_is_returned_as_it_is() {
     let sharp = bed.scene();
     let refused = bed.restore(&sharp, &*hybrid);
     assert_eq!((refused.verdict, refused.picture), (Verdict::Untouched, sharp));
-    assert!(refused.reason.contains("does not explain the photo"), "{}", refused.reason);
+    assert!(refused.reason.contains("blur is not this lens's"), "{}", refused.reason);
 }
 
 #[test]

@@ -14,7 +14,7 @@ use relens::frame::{Channels, Frame, Plane, Size, Work};
 use relens::picture::{Limits, Photo, Tone};
 use relens::pipeline::{Confirmation, Outcome, Verdict, method};
 
-use super::groups::{Group, GroupRig};
+use super::groups::Group;
 use crate::Failure;
 use crate::change::NOTHING;
 use crate::harness::{Harness, calibrated};
@@ -76,7 +76,7 @@ type Case = (Option<View>, Blur, &'static str);
 /// Rates on the photos of `group`: of each of its scenes, whole and in quarters, every other blur
 /// with one way to keep it; `quick` takes every fifth.
 pub(crate) fn run(group: Group, quick: bool) -> Result<Made, Failure> {
-    let rig = GroupRig::of_foreign().load(group.seed() + 900)?;
+    let rig = group.rigs()[0].load(group.seed() + 900)?;
     let (file, calibration) = calibrated(&rig, &NOTHING, 0.0)?;
     let mut harness = Harness::changed(&file, &calibration, &NOTHING, 0.0)?;
     let mut rows = String::from("view,blur,kept,verdict,certificate,reason\n");
@@ -126,7 +126,7 @@ fn table(group: Group, all: &[(&'static str, Outcome)]) -> Table {
     let caption = format!(
         "Photos that the lens of {} did not take, scenes of the group `{}`: how many are changed. \
          `{OWN}` are photos that it took.",
-        GroupRig::of_foreign().name,
+        group.rigs()[0].name,
         group.word()
     );
     let head = ["blurred by", "photos", "changed", "of these replaced", "certified"];

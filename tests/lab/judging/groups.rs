@@ -144,11 +144,6 @@ impl Group {
 }
 
 impl GroupRig {
-    /// The rig that gets photos of other lenses.
-    pub(crate) const fn of_foreign() -> &'static GroupRig {
-        &RATES[0]
-    }
-
     pub(crate) fn load(&self, seed: u64) -> Result<RigFile, Failure> {
         let mut rig = relens::config::load(std::path::Path::new(self.file))?;
         (self.change)(&mut rig);
