@@ -60,7 +60,6 @@ pub(super) fn measure(
     let mut functions = functions(session, &correction, &mut series, fit)?;
     let sums = lens_blur::normalise(&mut functions);
     log::debug!("lens functions sum to {sums:?} before normalisation");
-    judge::focus(sharpest_px(&functions), support_px as f64, support_px)?;
     calibration.functions = functions;
     if session.config.calibration.broad_term {
         session.step("broad light");
@@ -93,9 +92,6 @@ fn centre(session: &mut Session<'_>, calibration: &mut Calibration) -> Result<()
         let mut series = shoot(session, &correction, patterns)?;
         let fit = FunctionRounds { rounds: CENTRING_ROUNDS, support_px, is_centred: false };
         let functions = functions(session, &correction, &mut series, fit)?;
-        // Far out of focus, centroids are noise and a later fit would take the blame.
-        let pixel = pixel_px as f64;
-        judge::focus(pixel * sharpest_px(&functions), pixel * support_px as f64, written_px)?;
         recentre(session, calibration, &functions, pixel_px)?;
     }
     Ok(())
@@ -169,6 +165,10 @@ fn functions(
         support_px: fit.support_px,
     };
     let mut functions = fitted(session, series, grid, fit.rounds)?;
+    // Far out of focus, places and centroids are noise and a later fit would take the blame.
+    let pixel = pixel_px as f64;
+    let widest_px = pixel * fit.support_px as f64;
+    judge::focus(pixel * sharpest_px(&functions), widest_px, asked.function_support_px)?;
     for _ in 0..FOLLOWED_MAX {
         let model = LensModel::new(grid.photo, grid.margin_px, &functions)
             .map_err(|e| CalibrateError::Lens(LensBlurError::Model(e)))?;
