@@ -23,7 +23,7 @@ struct LocalErrors {
 
 impl Pipeline {
     /// `photo` without its outliers under a first result `solved`; `None` where there are none, or
-    /// so many that the photo is foreign, or where `solved` explains the others no better.
+    /// so many that the photo is foreign, or where `solved` does not explain the rest.
     pub(super) fn without_outliers<'a>(
         &self,
         photo: &Prepared<'a>,

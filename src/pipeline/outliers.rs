@@ -6,7 +6,7 @@ use crate::frame::{Channel, Frame, Plane, Rect, Size, Work};
 
 /// Pixels over which result and photo blend on each side of an edge.
 const BLEND_PX: usize = 2;
-/// Most areas of [`Outliers::areas`]: more are shown as one.
+/// Most areas that are shown apart; more are shown as one.
 const AREAS_MOST: usize = 8;
 
 /// The outliers of a photo.
@@ -27,7 +27,7 @@ impl Outliers {
         self.weight.mean()
     }
 
-    /// The user's note on them.
+    /// Sentence for the user.
     pub fn note(&self) -> String {
         format!(
             "{:.1} % of the photo shows what no scene gives through this lens, such as a date \
@@ -46,8 +46,8 @@ impl Outliers {
     }
 }
 
-/// Bounding boxes of the connected areas where `weight` is above one half; a single one where they
-/// are many.
+/// Bounding boxes, pixels, of the connected areas where `weight` (of any size, 0..1) is above one
+/// half; a single one where they are more than eight.
 pub fn areas(weight: &Plane) -> Vec<Rect> {
     let all = connected(&weight.map(|w: f32| w > 0.5));
     let boxes = all.iter().map(|places| {

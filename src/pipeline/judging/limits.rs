@@ -45,8 +45,8 @@ pub(in crate::pipeline) struct OutlierLimits {
     pub(in crate::pipeline) of_clearest: f32,
 }
 
-/// The limits, the first of which that explain the rest of the photo apply. Set on photos of the
-/// limits: stamps need the first, watermarks the others.
+/// Limits from strict to loose: those apply that first leave a photo which the lens explains. The
+/// first are set on stamps of the limits. The others are for watermarks, set on those of the rates.
 pub(in crate::pipeline) const OUTLIERS: [OutlierLimits; 3] = [
     OutlierLimits { of_any: 2.0, of_clearest: 4.0 },
     OutlierLimits { of_any: 2.0, of_clearest: 2.0 },
