@@ -183,12 +183,12 @@ impl GenicamDevice {
             "neither vendor nor model nor serial",
             "one or more of them",
         )?;
-        let triggered = matches!(trigger, TriggerDevice::Line(_));
+        let triggered = !matches!(trigger, TriggerDevice::FreeRunning(_));
         places.hold(
             triggered == self.trigger_source.is_some(),
             "hardware.camera.trigger-source",
             self.trigger_source.as_deref().unwrap_or("nothing"),
-            "an input of the camera for a trigger of kind \"line\", nothing if it runs free",
+            "an input of the camera, or nothing for a trigger of kind \"free-running\"",
         )
     }
 }
@@ -290,6 +290,8 @@ words! {
 pub enum TriggerDevice {
     /// A pulse on an output line.
     Line(GpioLine),
+    /// Pulses of a PWM channel.
+    Pwm(PwmChannel),
     /// None: the camera runs free.
     FreeRunning(FreeRunningKeys),
 }
@@ -297,8 +299,23 @@ pub enum TriggerDevice {
 impl TriggerDevice {
     const KINDS: &'static [KindKeys] = &[
         KindKeys { word: "line", keys: &GpioLine::TABLE, is_default: false },
+        KindKeys { word: "pwm", keys: &PwmChannel::TABLE, is_default: false },
         KindKeys { word: "free-running", keys: &FreeRunningKeys::TABLE, is_default: false },
     ];
+}
+
+table! {
+    /// A PWM channel, which times the pulses that are exposures (`exposure-by = "pulse"`).
+    @[derive(Eq)]
+    pub struct PwmChannel {
+        /// Device of the chip, such as `1f00098000.pwm`: the last name in
+        /// `readlink -f /sys/class/pwm/pwmchip*/device`, since a chip's number changes.
+        chip: String, Text, Never;
+        /// Number of the channel on its chip.
+        channel: u32, Whole(0, 255), Never;
+        /// Level of the pulse.
+        active: Level, Word(Level::WORDS), Never;
+    }
 }
 
 table! {

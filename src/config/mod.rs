@@ -26,7 +26,7 @@ pub use appliance::{
 pub use error::ConfigError;
 pub use hardware::{
     CameraDevice, ExposureBy, FeatureValue, FreeRunningKeys, GenicamDevice, GpioLine, Hardware,
-    LampDevices, Level, PanelDevice, Stamps, TriggerDevice, V4l2Device,
+    LampDevices, Level, PanelDevice, PwmChannel, Stamps, TriggerDevice, V4l2Device,
 };
 pub use media::{MediaGraph, MediaLink, PadFormat, bus_format, bus_format_name, entity_and_pad};
 pub use method_name::MethodName;

@@ -165,10 +165,16 @@ fn check_hardware(
     hardware.check_camera(places)?;
     let pulsed = hardware.camera.exposure_by() == ExposureBy::Pulse;
     places.hold(
-        !pulsed || matches!(hardware.trigger, TriggerDevice::Line(_)),
+        !pulsed || !matches!(hardware.trigger, TriggerDevice::FreeRunning(_)),
         "hardware.camera.exposure-by",
         "pulse",
         "control or elsewhere with a free-running camera",
+    )?;
+    places.hold(
+        pulsed || !matches!(hardware.trigger, TriggerDevice::Pwm(_)),
+        "hardware.trigger.kind",
+        "pwm",
+        "line, unless the pulse is the exposure",
     )
 }
 

@@ -406,3 +406,21 @@ fn invalid_text_is_refused_without_a_panic() {
         parse(text, "x.toml").expect_err("not a rig file");
     }
 }
+
+#[test]
+#[cfg(feature = "hardware")]
+fn a_pwm_channel_is_for_pulses_that_are_exposures() {
+    let gs = include_str!("../../rig-config/raspberry-pi-5-gs.toml");
+    let line = "kind = \"line\", chip = \"pinctrl-rp1\", line = \"GPIO17\", active = \"low\"";
+    let pwm = "kind = \"pwm\", chip = \"1f00098000.pwm\", channel = 2, active = \"low\"";
+    assert!(gs.contains(line));
+    let text = gs.replace(line, pwm);
+    let rig = parse(&text, "gs.toml").unwrap_or_else(|error| panic!("{error}"));
+    let Kind::Hardware(hardware) = rig.kind else { panic!("it is hardware") };
+    let (chip, active) = ("1f00098000.pwm".to_owned(), Level::Low);
+    assert_eq!(hardware.trigger, TriggerDevice::Pwm(PwmChannel { chip, channel: 2, active }));
+    let said = message(parse(&text.replace("\"pulse\"", "\"elsewhere\""), "gs.toml"));
+    assert!(said.contains("hardware.trigger.kind: found pwm, allowed line"), "{said}");
+    let said = message(parse(&text.replace("channel = 2", "channel = -1"), "gs.toml"));
+    assert!(said.contains("channel") && said.contains("allowed 0 to 255"), "{said}");
+}

@@ -27,7 +27,7 @@ pub(super) struct LinePlace {
 /// Consumer name of this program's lines.
 pub(super) const CONSUMER: &str = "relens";
 
-fn refused(device: &'static str, found: String, allowed: Vec<String>) -> RigError {
+pub(super) fn refused(device: &'static str, found: String, allowed: Vec<String>) -> RigError {
     let allowed = if allowed.is_empty() { "none".to_owned() } else { allowed.join(", ") };
     RigError::Refused { device, found, allowed }
 }

@@ -1,5 +1,7 @@
 //! Opens the devices of a real rig.
 
+use std::path::Path;
+
 use linux_embedded_hal::Delay;
 
 use super::button::Button;
@@ -9,6 +11,7 @@ use super::kms_panel::{KmsPanel, KmsSettings};
 use super::lamps::Lamps;
 use super::monotonic::Monotonic;
 use super::pulse_trigger::{FreeRunning, PulseTrigger};
+use super::pwm_trigger::{self, PwmTrigger};
 use super::{Lamp, Panel, RigError, Trigger, camera, kms_card};
 use crate::config::{
     self, ExposureBy, GpioLine, Hardware, LampDevices, Level, PanelDevice, PanelTable,
@@ -18,7 +21,8 @@ use crate::config::{
 /// Opens panel, trigger and camera.
 ///
 /// # Errors
-/// As [`KmsPanel::open`] and [`OutputLine::open`], and for a camera that cannot be opened.
+/// As [`KmsPanel::open`], [`OutputLine::open`] and [`PwmTrigger::open`], and for a camera that
+/// cannot be opened.
 pub fn open(rig: &config::RigFile, hardware: &Hardware) -> Result<Devices, RigError> {
     let panel = open_panel(&rig.panel, &hardware.panel)?;
     let pulse_us = hardware.pulse_us(rig.camera.exposure_ms);
@@ -27,7 +31,8 @@ pub fn open(rig: &config::RigFile, hardware: &Hardware) -> Result<Devices, RigEr
     let camera = camera::open(&rig.camera, hardware)?;
     let timing = Timing::of(&rig.panel, &rig.camera);
     let mut devices = Devices::new(panel, trigger, camera, Box::new(Monotonic), timing);
-    if let TriggerDevice::Line(_) = hardware.trigger {
+    // A PWM channel sends no pulses before the first exposure.
+    if !matches!(hardware.trigger, TriggerDevice::FreeRunning(_)) {
         devices.refuse_free_running()?;
     }
     Ok(devices)
@@ -66,14 +71,22 @@ fn open_trigger(
             let trigger = PulseTrigger::new(pin, Delay, Monotonic, pulse_us)?;
             Ok(Box::new(if pulsed { trigger.exposing() } else { trigger }))
         }
+        TriggerDevice::Pwm(name) => {
+            let (root, write) = (Path::new(pwm_trigger::CLASS), pwm_trigger::write_attribute);
+            let clock = Box::new(Monotonic);
+            Ok(Box::new(PwmTrigger::open(root, Box::new(write), clock, name, pulse_us)?))
+        }
     }
 }
 
-/// Describes the board's displays and cameras, without serial numbers.
+/// Describes the board's displays, PWM chips and cameras, without serial numbers.
 pub fn describe() -> String {
     let mut text = String::new();
     // Writing to a string cannot fail.
     let _ = kms_card::describe(&mut text);
+    for (device, _) in pwm_trigger::chips(Path::new(pwm_trigger::CLASS)) {
+        text.push_str(&format!("PWM chip {device}\n"));
+    }
     let _ = camera::v4l2::describe(&mut text);
     #[cfg(feature = "genicam")]
     let _ = camera::genicam::describe(&mut text);

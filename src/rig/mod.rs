@@ -36,6 +36,8 @@ pub mod pixel_format;
 pub mod presence;
 #[cfg(feature = "hardware")]
 pub mod pulse_trigger;
+#[cfg(feature = "hardware")]
+pub mod pwm_trigger;
 pub mod shoot;
 pub mod simulated;
 #[cfg(any(test, feature = "hardware"))]

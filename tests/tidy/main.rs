@@ -18,9 +18,12 @@ const COLUMNS_MAX: usize = 100;
 /// Reads the kernel's folder of USB devices.
 const USB: &str = "rig/camera/genicam/usb";
 
+/// Drives a PWM channel, whose only interface are the kernel's files.
+const PWM: &str = "rig/pwm_trigger";
+
 /// Modules that may touch files.
 const FILES_ALLOWED: &[&str] =
-    &["disk/", "calibration/store", "picture/", "config/", "daemon/", "commands/", USB];
+    &["disk/", "calibration/store", "picture/", "config/", "daemon/", "commands/", USB, PWM];
 
 fn source_files(folder: &str) -> Vec<(String, String)> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));

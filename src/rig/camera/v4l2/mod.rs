@@ -100,7 +100,8 @@ impl CameraSettings {
                 Some(GainControl { name, value, step_db })
             }),
             stamps: device.stamps,
-            free_running: matches!(trigger, TriggerDevice::FreeRunning(_)),
+            // Pulses of a PWM channel are not on request, either.
+            free_running: !matches!(trigger, TriggerDevice::Line(_)),
             controls: device.controls.iter().map(|(name, v)| (name.clone(), *v)).collect(),
         })
     }
