@@ -31,13 +31,12 @@ pub struct PwmTrigger {
     clock: Box<dyn Clock + Send>,
     /// Folder of the channel.
     folder: PathBuf,
-    active: Level,
-    /// Pulse at the rig file's exposure.
+    polarity: &'static str,
+    /// Pulse at the rig file's exposure, and the exposure as a multiple of that.
     pulse_us: u32,
-    /// Exposure as a multiple of the rig file's.
     times: f64,
     runs: bool,
-    /// Period of the last pulses, in nanoseconds.
+    /// Period of the last pulses.
     last_ns: u64,
 }
 
@@ -54,23 +53,25 @@ impl PwmTrigger {
         name: &PwmChannel,
         pulse_us: u32,
     ) -> Result<Self, RigError> {
-        let chip = find(root, name)?;
-        let folder = chip.join(format!("pwm{}", name.channel));
-        if !folder.exists() {
-            let (file, channel) = (chip.join("export"), name.channel.to_string());
-            write(&file, &channel).map_err(|cause| failed(&file, &channel, &cause))?;
-            let file = folder.join("period");
-            let is_closed = || {
-                write(&file, "0").is_err_and(|error| error.kind() == ErrorKind::PermissionDenied)
-            };
-            let deadline = clock.now().0 + UDEV_S;
-            while is_closed() && clock.now().0 < deadline {
-                clock.wait_until(Moment(clock.now().0 + 0.05));
-            }
+        let PwmChannel { chip: device, channel, active } = name;
+        let chips = chips(root);
+        let Some((_, chip)) = chips.iter().find(|(other, _)| other == device) else {
+            let devices = chips.into_iter().map(|(device, _)| device).collect();
+            return Err(refused("trigger", format!("PWM chip {device:?}"), devices));
+        };
+        let channels = 0..read(&chip.join("npwm"))?.parse().unwrap_or(0);
+        if !channels.contains(channel) {
+            let found = format!("channel {channel} of PWM chip {device:?}");
+            return Err(refused("trigger", found, channels.map(|n| n.to_string()).collect()));
         }
-        let (active, times, runs, last_ns) = (name.active, 1.0, false, 0);
+        let folder = chip.join(format!("pwm{channel}"));
+        let polarity = if *active == Level::High { "normal" } else { "inversed" };
+        let (times, runs, last_ns) = (1.0, false, 0);
         let mut trigger =
-            PwmTrigger { write, clock, folder, active, pulse_us, times, runs, last_ns };
+            PwmTrigger { write, clock, folder, polarity, pulse_us, times, runs, last_ns };
+        if !trigger.folder.exists() {
+            trigger.put(&chip.join("export"), &channel.to_string())?;
+        }
         trigger.last_ns = trigger.get("period")?.parse().unwrap_or(0);
         trigger.set()?;
         Ok(trigger)
@@ -81,47 +82,46 @@ impl PwmTrigger {
     }
 
     fn settings(&self) -> [(&'static str, String); 3] {
-        let polarity = match self.active {
-            Level::High => "normal",
-            Level::Low => "inversed",
-        };
         let pulse_ns = self.pulse_ns();
-        [
-            ("period", (pulse_ns + REST_NS).to_string()),
-            ("polarity", polarity.to_owned()),
-            ("duty_cycle", pulse_ns.to_string()),
-        ]
+        let (period, pulse) = ((pulse_ns + REST_NS).to_string(), pulse_ns.to_string());
+        [("period", period), ("polarity", self.polarity.to_owned()), ("duty_cycle", pulse)]
     }
 
     fn get(&self, attribute: &str) -> Result<String, RigError> {
         read(&self.folder.join(attribute))
     }
 
-    fn put(&self, attribute: &str, text: &str) -> Result<(), RigError> {
-        let file = self.folder.join(attribute);
-        (self.write)(&file, text).map_err(|cause| failed(&file, text, &cause))
-    }
-
-    /// Ends the pulses. A channel without a period refuses to be disabled.
-    fn stop(&mut self) -> Result<(), RigError> {
-        self.runs = false;
-        if self.get("enable")? != "0" { self.put("enable", "0") } else { Ok(()) }
-    }
-
-    /// Sets the stopped channel. The kernel refuses a duty cycle longer than the period, and one
-    /// without a period (drivers/pwm/core.c, `__pwm_apply`).
-    fn set(&mut self) -> Result<(), RigError> {
-        self.stop()?;
-        for (attribute, text) in self.settings() {
-            let found = self.get(attribute)?;
-            if attribute == "period" && found != "0" && found != text {
-                self.put("duty_cycle", "0")?;
-            }
-            if found != text {
-                self.put(attribute, &text)?;
-            }
+    /// Writes `text` to `file`, once udev has opened it.
+    fn put(&self, file: &Path, text: &str) -> Result<(), RigError> {
+        let (deadline, is_closed) = (self.clock.now().0 + UDEV_S, ErrorKind::PermissionDenied);
+        let mut outcome = (self.write)(file, text);
+        while outcome.as_ref().is_err_and(|cause| cause.kind() == is_closed)
+            && self.clock.now().0 < deadline
+        {
+            self.clock.wait_until(Moment(self.clock.now().0 + 0.05));
+            outcome = (self.write)(file, text);
         }
-        Ok(())
+        outcome.map_err(|cause| failed(file, text, &cause))
+    }
+
+    /// Writes `text` to `attribute` unless it has that value.
+    fn make(&self, attribute: &str, text: &str) -> Result<(), RigError> {
+        if self.get(attribute)? == text {
+            return Ok(());
+        }
+        self.put(&self.folder.join(attribute), text)
+    }
+
+    /// Sets the channel and leaves it disabled. The kernel refuses a duty cycle longer than the
+    /// period, and any without a period (drivers/pwm/core.c, `__pwm_apply`).
+    fn set(&mut self) -> Result<(), RigError> {
+        self.make("enable", "0")?;
+        let settings = self.settings();
+        let period = self.get("period")?;
+        if period != "0" && period != settings[0].1 {
+            self.make("duty_cycle", "0")?;
+        }
+        settings.iter().try_for_each(|(attribute, text)| self.make(attribute, text))
     }
 }
 
@@ -131,7 +131,7 @@ impl Trigger for PwmTrigger {
     fn fire(&mut self) -> Result<Moment, RigError> {
         if !self.runs {
             self.set()?;
-            self.put("enable", "1")?;
+            self.make("enable", "1")?;
             self.runs = true;
             let period_ns = self.pulse_ns() + REST_NS;
             let wait_s = period_ns.max(self.last_ns) as f64 * 1e-9;
@@ -142,9 +142,8 @@ impl Trigger for PwmTrigger {
         for (attribute, text) in self.settings().into_iter().chain([("enable", "1".to_owned())]) {
             let found = self.get(attribute)?;
             if found != text {
-                let file = self.folder.join(attribute);
-                let what = format!("{} is {found} instead of {text}", file.display());
-                let what = format!("{what}, set by another program; end it");
+                let of = self.folder.display();
+                let what = format!("another program has set {of}/{attribute} to {found}; end it");
                 return Err(RigError::Held { device: "trigger", what });
             }
         }
@@ -161,7 +160,7 @@ impl Drop for PwmTrigger {
     /// Leaves the channel exported: RP1's driver puts a released one low, whatever its polarity
     /// (`rp1_pwm_free`).
     fn drop(&mut self) {
-        let _ = self.stop();
+        let _ = self.make("enable", "0");
     }
 }
 
@@ -172,57 +171,32 @@ pub(super) fn write_attribute(file: &Path, text: &str) -> io::Result<()> {
 
 /// Names of the chips' devices, and the chips' folders under `root`.
 pub(super) fn chips(root: &Path) -> Vec<(String, PathBuf)> {
-    let folders = fs::read_dir(root).into_iter().flatten().flatten().map(|entry| entry.path());
-    let mut chips: Vec<_> = folders
-        .filter_map(|folder| {
-            let device = fs::canonicalize(folder.join("device")).ok()?;
-            Some((device.file_name()?.to_string_lossy().into_owned(), folder))
-        })
-        .collect();
-    chips.sort();
-    chips
-}
-
-fn find(root: &Path, name: &PwmChannel) -> Result<PathBuf, RigError> {
-    let chips = chips(root);
-    let Some((_, chip)) = chips.iter().find(|(device, _)| *device == name.chip) else {
-        let devices = chips.into_iter().map(|(device, _)| device).collect();
-        return Err(refused("trigger", format!("PWM chip {:?}", name.chip), devices));
+    let named = |entry: fs::DirEntry| {
+        let device = fs::canonicalize(entry.path().join("device")).ok()?;
+        Some((device.file_name()?.to_string_lossy().into_owned(), entry.path()))
     };
-    let file = chip.join("npwm");
-    let count = read(&file)?;
-    if count.parse().is_ok_and(|count: u32| name.channel < count) {
-        return Ok(chip.clone());
-    }
-    Err(RigError::Refused {
-        device: "trigger",
-        found: format!("channel {} of PWM chip {:?}", name.channel, name.chip),
-        allowed: format!("channels below {count}, the number in {}", file.display()),
-    })
+    fs::read_dir(root).into_iter().flatten().flatten().filter_map(named).collect()
 }
 
 fn read(file: &Path) -> Result<String, RigError> {
-    match fs::read_to_string(file) {
-        Ok(text) => Ok(text.trim().to_owned()),
-        Err(cause) => {
-            let what = format!("{} cannot be read ({cause})", file.display());
-            Err(RigError::Gone { device: "trigger", what })
-        }
-    }
+    let text = fs::read_to_string(file).map_err(|cause| RigError::Gone {
+        device: "trigger",
+        what: format!("{} cannot be read ({cause})", file.display()),
+    })?;
+    Ok(text.trim().to_owned())
 }
 
 /// Error of writing `text` to `file`.
 fn failed(file: &Path, text: &str, cause: &io::Error) -> RigError {
     let device = "trigger";
     let found = format!("{text} for {} ({cause})", file.display());
+    let what = format!("the kernel refuses {found}");
     let allowed = match cause.kind() {
         ErrorKind::PermissionDenied => "files of the group gpio, as 70-relens.rules makes them",
         ErrorKind::ReadOnlyFilesystem => "a folder named by ReadWritePaths= of the service's unit",
         ErrorKind::InvalidInput => "periods and polarities of this chip, or kind = \"line\"",
-        ErrorKind::ResourceBusy => {
-            return RigError::Held { device, what: format!("the kernel refuses {found}") };
-        }
-        _ => return RigError::Gone { device, what: format!("the kernel refuses {found}") },
+        ErrorKind::ResourceBusy => return RigError::Held { device, what },
+        _ => return RigError::Gone { device, what },
     };
     RigError::Refused { device, found, allowed: allowed.to_owned() }
 }
