@@ -124,11 +124,13 @@ impl Held {
     }
 }
 
-/// Adjustments without a control among `has`.
-fn uncontrolled(has: &[Control]) -> Vec<&'static str> {
+/// Adjustments without a control among `has`; a `wanted` one of the adjustment's name suffices.
+fn uncontrolled(has: &[Control], wanted: &[(String, i32)]) -> Vec<&'static str> {
     let is_there = |name: &str| has.iter().any(|control| control.name == name && control.settable);
     let lacks = |names: &[(&str, Held)]| !names.iter().any(|(name, _)| is_there(name));
-    STEADY.iter().filter(|(_, names)| lacks(names)).map(|(what, _)| *what).collect()
+    let is_wanted = |what: &str| wanted.iter().any(|(name, _)| name == what);
+    let lacking = STEADY.iter().filter(|(what, names)| lacks(names) && !is_wanted(what));
+    lacking.map(|(what, _)| *what).collect()
 }
 
 /// Controls held at 0 before formats are set, unless the rig file has another value: flips, which
@@ -197,7 +199,7 @@ pub(super) fn settle_controls(
     for (name, value) in wanted {
         hold(node, named(&has, name)?, *value)?;
     }
-    Ok(uncontrolled(&has))
+    Ok(uncontrolled(&has, wanted))
 }
 
 /// Sets `times` the `exposure`, which a pulse does by itself; returns false if that is set
@@ -314,8 +316,10 @@ mod tests {
     #[test]
     fn adjustments_without_a_control_are_named() {
         let has = [control("auto_exposure", 0, 3, 3), control("gamma", 72, 500, 100)];
-        let missing = uncontrolled(&has);
+        let missing = uncontrolled(&has, &[]);
         assert!(missing.contains(&"hue") && missing.contains(&"white balance"), "{missing:?}");
         assert!(!missing.contains(&"gamma") && !missing.contains(&"exposure"), "{missing:?}");
+        let of_rig_file = uncontrolled(&has, &[("gain".to_owned(), 0)]);
+        assert!(missing.contains(&"gain") && !of_rig_file.contains(&"gain"), "{of_rig_file:?}");
     }
 }

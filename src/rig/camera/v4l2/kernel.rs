@@ -7,9 +7,11 @@
 
 use std::ffi::c_void;
 use std::io;
+use std::ops::Range;
 use std::os::fd::{AsFd, BorrowedFd};
 use std::path::Path;
 
+use rustix::io::Errno;
 use rustix::mm::{MapFlags, ProtFlags, mmap, munmap};
 use v4l::v4l_sys as sys;
 
@@ -28,6 +30,12 @@ impl AsFd for Node {
         unsafe { BorrowedFd::borrow_raw(self.0.handle().fd()) }
     }
 }
+
+/// Numbers of the controls of users and cameras in <linux/v4l2-controls.h>, with room for more.
+const STANDARD_CONTROLS: [Range<u32>; 2] = [
+    sys::V4L2_CID_BASE..sys::V4L2_CID_BASE + 64,
+    sys::V4L2_CID_CAMERA_CLASS_BASE..sys::V4L2_CID_CAMERA_CLASS_BASE + 64,
+];
 
 /// Identity of a node.
 #[derive(Debug, Clone)]
@@ -147,30 +155,49 @@ impl Node {
         Ok(timing.interval_s())
     }
 
-    /// All simple controls.
+    /// All controls that can be described. uvcvideo fails for one whose camera refuses its range,
+    /// and does not name the next, which is then searched for by its number.
     pub(super) fn controls(&self) -> Vec<Control> {
-        let mut all = Vec::new();
-        let mut query = sys::v4l2_queryctrl { id: sys::V4L2_CTRL_FLAG_NEXT_CTRL, ..zeroed() };
-        while call::<QueryControl>(self, &mut query).is_ok() {
-            let kinds = [
-                sys::v4l2_ctrl_type_V4L2_CTRL_TYPE_INTEGER,
-                sys::v4l2_ctrl_type_V4L2_CTRL_TYPE_BOOLEAN,
-                sys::v4l2_ctrl_type_V4L2_CTRL_TYPE_MENU,
-                sys::v4l2_ctrl_type_V4L2_CTRL_TYPE_INTEGER_MENU,
-            ];
-            let locked = sys::V4L2_CTRL_FLAG_DISABLED | sys::V4L2_CTRL_FLAG_READ_ONLY;
-            all.push(Control {
-                id: query.id,
-                name: control_name(&text(&query.name)),
-                minimum: query.minimum,
-                maximum: query.maximum,
-                default: query.default_value,
-                settable: kinds.contains(&query.type_) && query.flags & locked == 0,
-            });
-            query =
-                sys::v4l2_queryctrl { id: query.id | sys::V4L2_CTRL_FLAG_NEXT_CTRL, ..zeroed() };
+        let mut all: Vec<Control> = Vec::new();
+        let mut last = 0;
+        loop {
+            let next = self.described(last | sys::V4L2_CTRL_FLAG_NEXT_CTRL);
+            if next.as_ref().is_err_and(|end| Errno::from_io_error(end) == Some(Errno::INVAL)) {
+                return all;
+            }
+            let mut later = STANDARD_CONTROLS.into_iter().flatten().filter(|&id| id > last);
+            match next.ok().or_else(|| later.clone().find_map(|id| self.described(id).ok())) {
+                Some(control) => {
+                    last = control.id;
+                    all.push(control);
+                }
+                // Makers' numbers are larger.
+                None => match later.next_back() {
+                    Some(end) => last = end,
+                    None => return all,
+                },
+            }
         }
-        all
+    }
+
+    fn described(&self, id: u32) -> io::Result<Control> {
+        let mut query = sys::v4l2_queryctrl { id, ..zeroed() };
+        call::<QueryControl>(self, &mut query)?;
+        let kinds = [
+            sys::v4l2_ctrl_type_V4L2_CTRL_TYPE_INTEGER,
+            sys::v4l2_ctrl_type_V4L2_CTRL_TYPE_BOOLEAN,
+            sys::v4l2_ctrl_type_V4L2_CTRL_TYPE_MENU,
+            sys::v4l2_ctrl_type_V4L2_CTRL_TYPE_INTEGER_MENU,
+        ];
+        let locked = sys::V4L2_CTRL_FLAG_DISABLED | sys::V4L2_CTRL_FLAG_READ_ONLY;
+        Ok(Control {
+            id: query.id,
+            name: control_name(&text(&query.name)),
+            minimum: query.minimum,
+            maximum: query.maximum,
+            default: query.default_value,
+            settable: kinds.contains(&query.type_) && query.flags & locked == 0,
+        })
     }
 
     pub(super) fn set_control(&self, id: u32, value: i32) -> io::Result<()> {

@@ -33,6 +33,8 @@ pub(in super::super) struct DriverRules {
     pub(in super::super) failing_starts: u32,
     /// Listings of the controls before the maker's control appears.
     pub(in super::super) listings_without_maker_control: u32,
+    /// A control whose range the camera does not give.
+    pub(in super::super) without_range: Option<&'static str>,
     /// The frame interval cannot be set while streaming.
     pub(in super::super) interval_is_busy: bool,
     /// Name of the sensor's entity.
@@ -49,6 +51,7 @@ impl Default for DriverRules {
             torn: 0,
             failing_starts: 0,
             listings_without_maker_control: 0,
+            without_range: None,
             interval_is_busy: true,
             sensor: "imx296 10-001a",
         }
@@ -69,7 +72,7 @@ pub(in super::super) struct FakeKernel {
     pub(in super::super) rules: DriverRules,
     pub(in super::super) asked: Vec<String>,
     pub(in super::super) links: Vec<FakeLink>,
-    /// Values by name; the position is the identifier.
+    /// Values by name, numbered from [`FIRST_CONTROL`] on.
     pub(in super::super) controls: Vec<(&'static str, i32)>,
     /// Formats of pads and of the node: width, height, code, colours.
     formats: Vec<((u32, u32), [u32; 4])>,
@@ -106,6 +109,8 @@ const NODES: [(u32, u32, &str); 4] = [
 /// The sensor's formats by `vertical_flip` and `horizontal_flip` (raspberrypi/linux, pull request
 /// 5384).
 const CODES: [[&str; 2]; 2] = [["SRGGB10_1X10", "SGRBG10_1X10"], ["SGBRG10_1X10", "SBGGR10_1X10"]];
+/// Number of the first control (V4L2_CID_BASE).
+const FIRST_CONTROL: u32 = 0x0098_0900;
 /// Maker's control, which may come late.
 pub(in super::super) const MAKER_CONTROL: &str = "trigger_mode";
 const RAW: u32 = 11;
@@ -275,11 +280,12 @@ impl FakeKernel {
             (0x5604 | 0x5605, Some(&(entity, ..))) => self.pad(number == 0x5605, entity, argument),
             (0x5624, _) => return self.query_control(argument),
             (0x561b, _) => {
-                let value = self.controls.get(argument.get(0) as usize - 1).ok_or(Errno::INVAL)?;
+                let index = (argument.get(0) - FIRST_CONTROL) as usize;
+                let value = self.controls.get(index).ok_or(Errno::INVAL)?;
                 argument.set(4, &[value.1 as u32]);
             }
             (0x561c, _) => {
-                let index = argument.get(0) as usize - 1;
+                let index = (argument.get(0) - FIRST_CONTROL) as usize;
                 let value = argument.get(4) as i32;
                 let control = self.controls.get_mut(index).ok_or(Errno::INVAL)?;
                 self.asked.push(format!("control {} = {value}", control.0));
@@ -348,14 +354,18 @@ impl FakeKernel {
     }
 
     fn query_control(&mut self, argument: &mut Argument<'_>) -> Result<(), Errno> {
-        let index = (argument.get(0) & 0xffff) as usize;
+        let (flag, id) = (argument.get(0) >> 31, argument.get(0) & 0x7fff_ffff);
+        let index = (id + flag).saturating_sub(FIRST_CONTROL) as usize;
         let late = self.rules.listings_without_maker_control > 0;
         let (name, value) = *self.controls.get(index).ok_or(Errno::INVAL)?;
         if late && name == MAKER_CONTROL {
             self.rules.listings_without_maker_control -= 1;
             return Err(Errno::INVAL);
         }
-        argument.set(0, &[index as u32 + 1, 1]);
+        if Some(name) == self.rules.without_range {
+            return Err(Errno::PIPE);
+        }
+        argument.set(0, &[FIRST_CONTROL + index as u32, 1]);
         argument.name(8, name);
         argument.set(40, &[0, 1_048_575, 1, value as u32, 0]);
         Ok(())

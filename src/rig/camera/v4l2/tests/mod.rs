@@ -142,6 +142,25 @@ fn a_maker_s_controls_may_come_after_the_node() {
 }
 
 #[test]
+fn a_control_without_a_range_hides_no_other() {
+    for broken in ["auto_exposure", "gain", "test_pattern"] {
+        let rules =
+            DriverRules { is_graph: false, without_range: Some(broken), ..DriverRules::default() };
+        FakeKernel::install(rules, 256);
+        V4l2Camera::open(usb(&[(MAKER_CONTROL, 1)])).unwrap_or_else(|e| panic!("{broken}: {e}"));
+        let set = kernel(|k| (k.value(MAKER_CONTROL), k.value("exposure_time_absolute")));
+        assert_eq!(set, (1, 200), "{broken}");
+    }
+    let last = DriverRules {
+        is_graph: false,
+        without_range: Some(MAKER_CONTROL),
+        ..DriverRules::default()
+    };
+    FakeKernel::install(last, 256);
+    V4l2Camera::open(usb(&[])).unwrap_or_else(|e| panic!("{e}"));
+}
+
+#[test]
 fn a_longer_exposure_gets_its_interval_by_a_new_start() {
     FakeKernel::install(DriverRules { is_graph: false, ..DriverRules::default() }, 256);
     let mut camera = V4l2Camera::open(usb(&[])).unwrap_or_else(|e| panic!("{e}"));
