@@ -22,8 +22,10 @@ use relens::rig::simulated;
 
 type Outcome<T> = Result<T, Box<dyn std::error::Error>>;
 
-/// First byte of a picture taken while the panel is away.
+/// First byte of a picture taken while the panel is away. Four follow, of the exposure as a
+/// multiple of the truth's.
 const AWAY: u8 = 1;
+const HEADER_BYTES: usize = 5;
 
 /// Time limit for the virtual machine to connect.
 const PATIENCE: Duration = Duration::from_secs(60);
@@ -64,7 +66,7 @@ fn main() -> Outcome<()> {
     let scene = cut(&scene.in_colour(), truth.camera.size());
     let mut stream = connected(socket)?;
     let size = truth.panel.size();
-    let mut panel = vec![0; 1 + size.area() * 3];
+    let mut panel = vec![0; HEADER_BYTES + size.area() * 3];
     let mut frame = Vec::new();
     let (mut frames, mut seconds) = (0, 0.0);
     loop {
@@ -75,10 +77,12 @@ fn main() -> Outcome<()> {
         }
         let begun = Instant::now();
         let planes = [0, 1, 2].map(|channel| {
-            let data = &panel[1 + channel * size.area()..];
+            let data = &panel[HEADER_BYTES + channel * size.area()..];
             Plane::from_fn(size, |x, y| data[y * size.width + x])
         });
         witness.put_before_lens((panel[0] == AWAY).then_some(&scene));
+        let times = f32::from_le_bytes([1, 2, 3, 4].map(|n| panel[n]));
+        bench.expose_times(f64::from(times))?;
         let counts = bench.capture(&Codes::from_planes(planes))?.counts;
         pack(&counts, truth.mosaic(), &mut frame);
         seconds += begun.elapsed().as_secs_f64();

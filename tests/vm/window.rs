@@ -1,17 +1,17 @@
 //! The virtual rig's panel and camera: sends the scan-out at each trigger out of the virtual
 //! machine to the lens (`physics.rs`), and delivers the sensor's counts through the camera's node.
 //!
-//! `window TRUTH.toml /dev/dri/card0 /dev/video0 LINE-NUMBER PORT SHUTTER AWAY [EXPOSURE-MS
-//! INTERVAL-MS]` runs until it is killed. While a file SHUTTER exists, the camera gives no frames;
-//! while a file AWAY exists, a scene is before the lens instead of the panel. It knows nothing of
-//! the daemon: the trigger comes from the kernel's trace of GPIO values, the picture from the
-//! display driver.
+//! `window TRUTH.toml /dev/dri/card0 /dev/video0 LINE-NUMBER PORT SHUTTER AWAY PLUG
+//! [EXPOSURE-MS INTERVAL-MS]` runs until it is killed. While a file SHUTTER exists, the camera
+//! gives no frames; while a file AWAY exists, a scene is before the lens instead of the panel; once
+//! a file PLUG exists, a USB camera is there too (`usb_camera.rs`). It knows nothing of the daemon:
+//! the trigger comes from the kernel's trace of GPIO values, the picture from the display driver.
 //!
 //! With the last two arguments the camera runs free, and its frames are stamped as by `uvcvideo`:
 //! at their first packet, up to an interval after the end of the exposure. A frame shows the
 //! scan-out at the start of its exposure.
 //!
-//! Two threads, so that the picture is read at the trigger while the lens is computed. Every flip,
+//! The picture is read at the trigger while the lens is computed in another thread. Every flip,
 //! exposure and frame is a line of standard output with its `CLOCK_MONOTONIC` time.
 #![allow(unsafe_code)] // mmap of the scanned-out buffer
 // A test program, which panics on errors.
@@ -19,6 +19,9 @@
 
 mod scanout;
 mod trace;
+mod usb_camera;
+mod usb_ip;
+mod uvc_descriptors;
 
 use std::fs::{File, OpenOptions};
 use std::io::{Read, Write};
@@ -33,8 +36,22 @@ use v4l::video::Output;
 
 use self::scanout::{Card, Shown};
 use self::trace::{Event, Trace};
+use self::usb_camera::UsbCamera;
 
 type Outcome<T> = Result<T, Box<dyn std::error::Error>>;
+
+/// What both threads of the light know.
+struct Bench {
+    truth: config::RigFile,
+    free_run: Option<FreeRun>,
+    usb: UsbCamera,
+}
+
+/// An exposure in progress.
+struct Exposure {
+    begun_s: f64,
+    exposure_s: f64,
+}
 
 /// Timing of a free-running camera, in seconds.
 #[derive(Clone, Copy)]
@@ -76,29 +93,30 @@ fn camera(video: &str, truth: &config::RigFile, free_run: Option<FreeRun>) -> Ou
 /// Delivers each frame after its exposure and read-out, or once it is computed; the driver stamps
 /// it then. A free-running camera drops frames that would be delayed by more than an interval.
 fn deliver(
-    truth: &config::RigFile,
+    bench: &Bench,
     video: &str,
     mut port: File,
-    rises_s: mpsc::Receiver<f64>,
-    free_run: Option<FreeRun>,
+    exposures: mpsc::Receiver<Exposure>,
 ) -> Outcome<()> {
-    let mut node = camera(video, truth, free_run)?;
+    let truth = &bench.truth;
+    let mut node = camera(video, truth, bench.free_run)?;
     println!("the window is open");
-    let frame_s =
-        (truth.camera.exposure_ms + truth.simulation().map_or(0.0, |s| s.sensor.readout_ms)) / 1e3;
+    let readout_s = truth.simulation().map_or(0.0, |s| s.sensor.readout_ms) / 1e3;
     let samples = if truth.mosaic().is_some() { 1 } else { 3 };
     let mut bytes = vec![0; truth.camera.size().area() * samples];
-    for (rise_s, held_back) in rises_s.into_iter().zip(HELD_BACK.into_iter().cycle()) {
+    for (exposure, held_back) in exposures.into_iter().zip(HELD_BACK.into_iter().cycle()) {
+        let Exposure { begun_s: rise_s, exposure_s } = exposure;
         port.read_exact(&mut bytes)?;
-        if let Some(FreeRun { exposure_s, interval_s }) = free_run {
+        if let Some(FreeRun { interval_s, .. }) = bench.free_run {
             Monotonic.wait_until(Moment(rise_s + exposure_s + held_back * interval_s));
             if Monotonic.now().0 > rise_s + exposure_s + interval_s {
                 println!("the exposure at {rise_s:.6} is dropped");
                 continue;
             }
         } else {
-            Monotonic.wait_until(Moment(rise_s + frame_s));
+            Monotonic.wait_until(Moment(rise_s + exposure_s + readout_s));
         }
+        bench.usb.send(&bytes);
         if node.write(&bytes)? != bytes.len() {
             return Err("the camera's node takes smaller frames".into());
         }
@@ -119,17 +137,18 @@ fn fingerprint(codes: &Codes) -> String {
 }
 
 fn look(
-    truth: &config::RigFile,
+    bench: &Bench,
     card: &str,
     line: &str,
     mut port: File,
     [shutter, away]: [&Path; 2],
-    rises: &mpsc::Sender<f64>,
-    free_run: Option<FreeRun>,
+    exposures: &mpsc::Sender<Exposure>,
 ) -> Outcome<()> {
+    let Bench { truth, free_run, usb } = bench;
     let card = Card::open(Path::new(card))?;
     let mut trace = Trace::start(line, free_run.map(|free_run| free_run.interval_s))?;
     let mut shown = card.scanned_out()?;
+    let nominal_s = truth.camera.exposure_ms / 1e3;
     loop {
         let event = trace.next()?;
         let late_ms = |at_s: f64| (Monotonic.now().0 - at_s) * 1e3;
@@ -164,8 +183,13 @@ fn look(
                     );
                     continue;
                 }
-                rises.send(at_s)?;
+                let set_s = usb.exposure_s();
+                let exposure_s = free_run.map_or(nominal_s, |free_run| free_run.exposure_s);
+                let exposure = Exposure { begun_s: at_s, exposure_s: set_s.unwrap_or(exposure_s) };
+                exposures.send(exposure)?;
                 port.write_all(&[u8::from(away.exists())])?;
+                let times = set_s.map_or(1.0, |set_s| (set_s / nominal_s) as f32);
+                port.write_all(&times.to_le_bytes())?;
                 for plane in codes.planes() {
                     port.write_all(plane.data())?;
                 }
@@ -176,9 +200,9 @@ fn look(
 
 fn main() -> Outcome<()> {
     let words: Vec<String> = std::env::args().skip(1).collect();
-    let (first, last) = words.split_at(words.len().min(7));
-    let ([truth, card, video, line, port, shutter, away], [] | [_, _]) = (first, last) else {
-        return Err("usage: window TRUTH.toml CARD VIDEO LINE-NUMBER PORT SHUTTER AWAY \
+    let (first, last) = words.split_at(words.len().min(8));
+    let ([truth, card, video, line, port, shutter, away, plug], [] | [_, _]) = (first, last) else {
+        return Err("usage: window TRUTH.toml CARD VIDEO LINE-NUMBER PORT SHUTTER AWAY PLUG \
                     [EXPOSURE-MS INTERVAL-MS]"
             .into());
     };
@@ -189,18 +213,24 @@ fn main() -> Outcome<()> {
         _ => None,
     };
     let truth = config::load(Path::new(truth))?;
+    let usb = UsbCamera::new(truth.camera.size());
+    let bench = &Bench { truth, free_run, usb };
     let port = OpenOptions::new().read(true).write(true).open(port)?;
     let answers = port.try_clone()?;
-    let (rises, rises_s) = mpsc::channel();
-    let truth = &truth;
+    let (begun, exposures) = mpsc::channel();
     std::thread::scope(|scope| {
+        scope.spawn(|| {
+            if let Err(cause) = bench.usb.run(Path::new(plug)) {
+                println!("there is no USB camera any more: {cause}");
+            }
+        });
         scope.spawn(move || {
-            if let Err(cause) = deliver(truth, video, answers, rises_s, free_run) {
+            if let Err(cause) = deliver(bench, video, answers, exposures) {
                 println!("the window shuts: {cause}");
                 // A dead physics process must not look like a slow camera.
                 std::process::exit(1);
             }
         });
-        look(truth, card, line, port, [shutter, away].map(Path::new), &rises, free_run)
+        look(bench, card, line, port, [shutter, away].map(Path::new), &begun)
     })
 }

@@ -11,10 +11,13 @@ SHUTTER=/tmp/shutter-closed
 # While this file exists, a scene is before the lens instead of the panel.
 AWAY=/tmp/panel-away
 
+# While this file exists, the USB camera is plugged in.
+PLUG=/tmp/usb-camera
+
 open_window() {
   # An earlier scenario's is as good.
   WINDOW=$(cat /tmp/window.pid 2>/dev/null) && kill -0 "$WINDOW" 2>/dev/null && return
-  window "${TRUTH:-/rigs/truth.toml}" /dev/dri/card0 /dev/video0 "$LINES_BASE" "$PORT" $SHUTTER $AWAY ${FREE_RUN:-} > /tmp/window.log 2>&1 &
+  window "${TRUTH:-/rigs/truth.toml}" /dev/dri/card0 /dev/video0 "$LINES_BASE" "$PORT" $SHUTTER $AWAY $PLUG ${FREE_RUN:-} > /tmp/window.log 2>&1 &
   WINDOW=$!; echo $WINDOW > /tmp/window.pid
   for _ in $(seq 300); do grep -q "window is open" /tmp/window.log && return; sleep 0.2; done
   cat /tmp/window.log; fail "no light"
