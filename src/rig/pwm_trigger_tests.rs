@@ -237,10 +237,9 @@ fn the_pulses_of_a_killed_program_end_at_the_next_opening() {
     // With longer and with shorter periods than the wanted one.
     for times in [0.1, 3.0] {
         let board = PwmBoard::new(PwmRules::default());
-        let mut killed = board.trigger();
+        let mut killed = std::mem::ManuallyDrop::new(board.trigger());
         killed.expose_times(times);
         killed.fire().unwrap_or_else(|error| panic!("{error}"));
-        std::mem::forget(killed);
         let _opened = board.trigger();
         let kernel = board.kernel();
         assert_eq!(kernel.runs.len(), 1);
