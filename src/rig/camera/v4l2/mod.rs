@@ -21,6 +21,7 @@ pub use finding::CameraName;
 use finding::{busy_or, by_card, by_link, gone};
 use kernel::{Node, Settled};
 use ring::Ring;
+use rustix::io::Errno;
 
 use crate::config::{CameraTable, ExposureBy, Stamps, TriggerDevice, V4l2Device};
 use crate::frame::{Counts, Plane, Size};
@@ -341,7 +342,8 @@ fn start(settings: &CameraSettings) -> Result<(Ring, Opened), RigError> {
 
 /// Error of a stream that did not start.
 fn start_failed(settings: &CameraSettings, source: std::io::Error) -> RigError {
-    let is_pipe = rustix::io::Errno::from_io_error(&source) == Some(rustix::io::Errno::PIPE);
+    let is = |error| Errno::from_io_error(&source) == Some(error);
+    let is_pipe = is(Errno::PIPE);
     match &settings.name {
         // EPIPE: the pads of a link differ, or there is no link.
         CameraName::Graph(graph) if is_pipe => RigError::Refused {
@@ -363,6 +365,16 @@ fn start_failed(settings: &CameraSettings, source: std::io::Error) -> RigError {
             }
             starts::check(graph).err().unwrap_or(failure)
         }
+        // The error of a full disk, from usbcore's count of bandwidth.
+        _ if is(Errno::NOSPC) => RigError::Refused {
+            device: "camera",
+            found: format!(
+                "{} of {}, for which the USB bus has no room",
+                settings.format.code(),
+                settings.size
+            ),
+            allowed: "a fast socket of its own, without a hub or another camera".to_owned(),
+        },
         _ => busy_or(source, "start the stream"),
     }
 }

@@ -29,7 +29,7 @@ pub(in super::super) struct DriverRules {
     pub(in super::super) compares_colours: bool,
     /// Frames whose lower half was lost, from the first.
     pub(in super::super) torn: u32,
-    /// Starts of the stream that fail.
+    /// Starts of the stream that fail: of the sensor, or for want of bandwidth.
     pub(in super::super) failing_starts: u32,
     /// Listings of the controls before the maker's control appears.
     pub(in super::super) listings_without_maker_control: u32,
@@ -421,7 +421,7 @@ impl FakeKernel {
         }
         if self.rules.failing_starts > 0 {
             self.rules.failing_starts -= 1;
-            return Err(Errno::REMOTEIO);
+            return Err(if self.rules.is_graph { Errno::REMOTEIO } else { Errno::NOSPC });
         }
         (self.streams, self.sequence) = (true, 0);
         Ok(())

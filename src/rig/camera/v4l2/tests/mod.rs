@@ -142,6 +142,15 @@ fn a_maker_s_controls_may_come_after_the_node() {
 }
 
 #[test]
+fn a_bus_without_room_is_no_full_disk() {
+    let rules = DriverRules { is_graph: false, failing_starts: 1, ..DriverRules::default() };
+    FakeKernel::install(rules, 256);
+    let error = V4l2Camera::open(usb(&[])).err().expect("it does not start").to_string();
+    assert!(error.contains("GREY of 32×8, for which the USB bus has no room"), "{error}");
+    assert!(!error.contains("space"), "{error}");
+}
+
+#[test]
 fn a_control_without_a_range_hides_no_other() {
     for broken in ["auto_exposure", "gain", "test_pattern"] {
         let rules =
