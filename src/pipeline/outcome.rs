@@ -112,17 +112,11 @@ impl Pipeline {
             let is_noise = photo.observation.channels.list().iter().any(is_noisier);
             return Some(if is_noise { NOTHING_BUT_NOISE } else { ResultStage::Photo.reason() });
         }
-        if photo.is_of_sharper_lens {
-            return Some(SHARPER);
-        }
-        // Its spectrum may have misled the search for the focus.
-        let is_foreign = self.has_one_blur(photo)
-            && (photo.focus.is_none() || self.has_one_blur(&photo.at_panel()));
-        is_foreign.then_some(NOT_THIS_LENS)
+        photo.is_of_sharper_lens.then_some(SHARPER)
     }
 
     /// Whether one blur explains the colours of `photo` better than the measured lens does.
-    fn has_one_blur(&self, photo: &Prepared<'_>) -> bool {
+    pub(super) fn has_one_blur(&self, photo: &Prepared<'_>) -> bool {
         let errors = errors_for_one_blur(self.lens_of(photo), &photo.observation);
         log::debug!("one blur explains blue better by {errors:.1?} standard errors");
         errors.is_some_and(|errors| errors > ONE_BLUR)
@@ -153,7 +147,8 @@ impl Pipeline {
     }
 
     /// Restores `photo` at its focus. Where no scene gives it, it is restored without its outliers,
-    /// if no capture contradicts that.
+    /// if no capture contradicts that. A photo of one blur is returned, but outliers, such as a text
+    /// drawn over it, may have one blur.
     fn restore_explained(
         &self,
         rig: &mut Devices,
@@ -163,12 +158,20 @@ impl Pipeline {
     ) -> Result<(Outcome, Solved), MethodError> {
         let solved = self.solve(rig, photo, method, watch)?;
         let outcome = self.judge(photo, &solved, watch)?;
+        let of_other_lens = || Outcome {
+            captures: solved.captures,
+            ..Outcome::untouched(photo.photo.as_ref().clone(), NOT_THIS_LENS)
+        };
         if outcome.verdict != Verdict::Untouched {
+            let outcome = if self.has_one_blur(photo) { of_other_lens() } else { outcome };
             return Ok((outcome, solved));
         }
         let Some(rest) = self.without_outliers(photo, &solved) else {
             return Ok((outcome, solved));
         };
+        if self.has_one_blur(&rest) {
+            return Ok((of_other_lens(), solved));
+        }
         let again = self.solve(rig, &rest, method, watch)?;
         let judged = self.judge(&rest, &again, watch)?;
         let captures = solved.captures + again.captures;
