@@ -147,8 +147,8 @@ impl Pipeline {
     }
 
     /// Restores `photo` at its focus. Where no scene gives it, it is restored without its outliers,
-    /// if no capture contradicts that. A photo of one blur is returned, but outliers, such as a text
-    /// drawn over it, may have one blur.
+    /// if no capture contradicts that. A photo of one blur is returned; outliers may have one, as a
+    /// text drawn over a photo has.
     fn restore_explained(
         &self,
         rig: &mut Devices,
