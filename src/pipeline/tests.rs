@@ -390,7 +390,8 @@ fn a_photo_with_one_blur_is_returned_and_a_text_with_one_over_a_photo_is_an_outl
     assert!(returned.reason.contains("blur is not this lens's"), "{}", returned.reason);
     let photo = bed.photo_of(&scene);
     let is_ink = |x: usize, y: usize| {
-        (64..192).contains(&x) && (58..134).contains(&y) && y % 24 < 15 && (x / 3 + y / 3) % 2 == 0
+        let is_inside = (64..192).contains(&x) && (58..134).contains(&y) && y % 24 < 15;
+        is_inside && (x / 3 + y / 3).is_multiple_of(2)
     };
     let marked = Frame::from_fn(|c| {
         let of = |x, y| photo.plane(c).at(x, y);
