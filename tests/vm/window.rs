@@ -40,7 +40,7 @@ use self::usb_camera::UsbCamera;
 
 type Outcome<T> = Result<T, Box<dyn std::error::Error>>;
 
-/// What both threads of the light know.
+/// State that the threads share.
 struct Bench {
     truth: config::RigFile,
     free_run: Option<FreeRun>,
