@@ -6,11 +6,11 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::SystemTime;
 
 use clap::{Args, ValueHint};
-use relens::config::{self, ClockSource, Mode, RigFile};
+use relens::config::{self, Mode, RigFile};
 use relens::daemon::service::Supervised;
 use relens::daemon::{
     Attended, Daemon, DaemonSetting, Doing, Folders, Nightly, Reader, Restorer, Schedule, State,
-    Summary, Times, interruption, write_report,
+    Summary, Times, interruption,
 };
 use relens::frame::{Frame, Work};
 use relens::kiosk::front_panel::{BoxState, FrontPanel};
@@ -101,17 +101,10 @@ fn watch(
     let front = FrontPanel::default();
     // Declared first, to be dropped last: the lamps go dark at the end.
     let _front_panel = FrontPanelThread::start(rig, folders.root(), front.clone());
-    let times = Times {
-        clock: &Monotonic,
-        calendar: &SystemTime::now,
-        is_set: &clock_is_set,
-        temperature_c: &temperature_c,
-    };
-    let mut night = rig.nights.as_ref().and_then(|nights| Nightly::new(nights, &folders, times));
+    let times = Times { clock: &Monotonic, calendar: &SystemTime::now, is_set: &clock_is_set };
+    let night = rig.nights.as_ref().and_then(|nights| Nightly::new(nights, &folders, times));
     let mut open = |asked| open_restorer(rig, scene, &folders, asked);
-    let Some(mut restorer) =
-        open_patiently(rig, &folders, &front, stopped, night.as_mut(), &mut open)?
-    else {
+    let Some(mut restorer) = open_patiently(rig, &folders, &front, stopped, &mut open)? else {
         service_manager().stopping();
         return Ok(());
     };
@@ -138,12 +131,8 @@ fn watch(
         &SystemTime::now,
         &mut watcher,
     )?;
-    // A box with a battery clock need not wait for the network, as for the nights.
-    let has_battery =
-        rig.nights.as_ref().is_some_and(|nights| nights.clock == ClockSource::Battery);
-    let clock_is_right = || has_battery || clock_is_set();
     let stop = || stopped.load(Ordering::Acquire);
-    daemon.scheduled(Box::new(schedule)).keeping(rig.keep, &clock_is_right).run(&stop);
+    daemon.scheduled(Box::new(schedule)).run(&stop);
     Ok(())
 }
 
@@ -179,38 +168,6 @@ fn scene_of(rig: &mut RigFile, options: &RunOptions) -> Result<Option<Frame<Work
     }
 }
 
-/// What was last reported while the rig could not be opened.
-#[derive(Default, PartialEq)]
-struct Trouble {
-    reason: String,
-    attention: Vec<String>,
-}
-
-impl Trouble {
-    /// Reports by log, state file and report what differs from `last`.
-    fn report(&self, last: &Trouble, rig: &RigFile, folders: &Folders) {
-        let Trouble { reason, attention } = self;
-        if last.reason != *reason {
-            log::warn!("held: {reason}");
-        }
-        if last.attention != *attention {
-            attention.iter().for_each(|line| log::warn!("{line}"));
-            let written = write_report(folders, &rig.name, attention, now_unix_s());
-            let _ =
-                written.inspect_err(|error| log::debug!("{}", relens::remedy::full_message(error)));
-        }
-        if last != self {
-            let doing = Doing::Held { reason: reason.clone() };
-            let state = State {
-                attention: attention.clone(),
-                ..State::new(&rig.name, doing, now_unix_s())
-            };
-            // The log reports a full disk.
-            let _ = state.write(folders);
-        }
-    }
-}
-
 /// Opens the restorer of `rig` by `open`, again and again until it succeeds; `None` when stopped
 /// before. Failures are reported by lamps, log, state file, service manager and, if possible, the
 /// panel.
@@ -219,10 +176,9 @@ fn open_patiently(
     folders: &Folders,
     front: &FrontPanel,
     stopped: &Arc<AtomicBool>,
-    mut night: Option<&mut Nightly<'_>>,
     open: &mut dyn FnMut(Interruption) -> Result<Box<dyn Restorer>, CliError>,
 ) -> Result<Option<Box<dyn Restorer>>, CliError> {
-    let mut last = Trouble::default();
+    let mut last = String::new();
     loop {
         let asked = interruption(front.clone(), Arc::clone(stopped));
         service_manager().status("opening the rig");
@@ -234,15 +190,15 @@ fn open_patiently(
         if !stopped.load(Ordering::Acquire) {
             let reason = relens::remedy::full_message(&error);
             front.set(BoxState::Trouble);
-            let attention = night.as_deref_mut().map_or(Vec::new(), |night| {
-                night.set_rig_unavailable(&reason);
-                night.attention().iter().map(ToString::to_string).collect()
-            });
-            let trouble = Trouble { reason, attention };
-            trouble.report(&last, rig, folders);
-            service_manager().status(&format!("needs help: {}", trouble.reason));
-            panel = opening::show_trouble(rig, &trouble.reason, error.what_to_do());
-            last = trouble;
+            if last != reason {
+                log::warn!("held: {reason}");
+                let doing = Doing::Held { reason: reason.clone() };
+                // The log reports a full disk.
+                let _ = State::new(&rig.name, doing, now_unix_s()).write(folders);
+            }
+            service_manager().status(&format!("needs help: {reason}"));
+            panel = opening::show_trouble(rig, &reason, error.what_to_do());
+            last = reason;
         }
         let until = Monotonic.now().0 + OPEN_AGAIN_S;
         while Monotonic.now().0 < until {
@@ -268,12 +224,6 @@ fn now_unix_s() -> u64 {
 fn clock_is_set() -> bool {
     relens::rig::kernel_time::is_synchronised()
         || Path::new("/run/systemd/timesync/synchronized").exists()
-}
-
-/// Temperature of the first thermal zone, the processor's on boards, °C.
-fn temperature_c() -> Option<f64> {
-    let text = std::fs::read_to_string("/sys/class/thermal/thermal_zone0/temp").ok()?;
-    Some(text.trim().parse::<f64>().ok()? / 1000.0)
 }
 
 /// Restores all photos in the inbox of `folders`, until `stop` returns true.

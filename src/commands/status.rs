@@ -98,15 +98,8 @@ fn words(state: &State, running: bool, is_there: bool, now_unix_s: u64) -> Strin
         }
     };
     let gone = if is_there || doing.ends_with(GONE) { String::new() } else { format!("\n{GONE}") };
-    let attention: String =
-        state.attention.iter().map(|words| format!("\nattention: {words}")).collect();
     let ago = now_unix_s.saturating_sub(state.written_unix_s);
-    format!(
-        "{doing}{gone}{attention}\nrig {}; {}; written {} ago",
-        state.rig,
-        state.counts,
-        duration(ago)
-    )
+    format!("{doing}{gone}\nrig {}; {}; written {} ago", state.rig, state.counts, duration(ago))
 }
 
 fn duration(seconds: u64) -> String {
@@ -130,7 +123,6 @@ mod tests {
             rig: "small".into(),
             doing: Doing::Waiting,
             counts: PhotoCounts { restored: 3, untouched: 2, failed: 1, ..PhotoCounts::default() },
-            attention: Vec::new(),
             needs_button: false,
             written_unix_s: 100,
         };
@@ -151,7 +143,5 @@ mod tests {
         let lines = words(&state, true, true, 160);
         assert!(lines.starts_with("restoring a.jpg: 40 %, about 3 min left for all\n"), "{lines}");
         assert!(lines.contains("3 waiting (2 for their turn, 1 arriving)"), "{lines}");
-        state.attention.push("no photo was restored".into());
-        assert!(words(&state, true, true, 160).contains("\nattention: no photo was restored\n"));
     }
 }

@@ -1,4 +1,4 @@
-//! The tables of an unattended box: `[run]`, `[nights]`, `[disk]`, `[keep]`. Each may be left out.
+//! The tables of an unattended box: `[run]`, `[nights]`, `[disk]`. Each may be left out.
 
 use super::keys::{table, words};
 
@@ -80,32 +80,6 @@ table! {
     }
 }
 
-table! {
-    /// Retention of results and originals by age and size; `inf` keeps them for ever. Photos that
-    /// wait, are being restored or could not be restored are always kept.
-    @[derive(Copy)]
-    pub struct Keep {
-        // Less than a day, or a handful of photos, would remove results before they are fetched.
-        /// Age at which a result is removed from the outbox, days.
-        results_days_max: f64, Number(1.0, f64::INFINITY), Never;
-        /// Size of all results above which the oldest are removed, MiB.
-        results_mib_max: f64, Number(100.0, f64::INFINITY), Never;
-        /// Time in `done` after which an original is removed, days.
-        originals_days_max: f64, Number(1.0, f64::INFINITY), Never;
-        /// Size of all originals above which the oldest are removed, MiB.
-        originals_mib_max: f64, Number(100.0, f64::INFINITY), Never;
-    }
-}
-
-impl Default for Keep {
-    /// No limit.
-    fn default() -> Keep {
-        let [results_days_max, results_mib_max, originals_days_max, originals_mib_max] =
-            [f64::INFINITY; 4];
-        Keep { results_days_max, results_mib_max, originals_days_max, originals_mib_max }
-    }
-}
-
 /// First and last minute of the night, counted from midnight; `None` for `always`.
 pub type NightMinutes = Option<(u16, u16)>;
 
@@ -132,7 +106,7 @@ fn minutes(window: &str) -> Option<NightMinutes> {
 
 #[cfg(test)]
 mod tests {
-    use crate::config::{Keep, Mode, RigFile, parse};
+    use crate::config::{Mode, RigFile, parse};
 
     fn small_and(tables: &str) -> Result<RigFile, String> {
         let text = format!("{}\n{tables}", include_str!("../../rig-config/small.toml"));
@@ -143,27 +117,9 @@ mod tests {
                           clock = \"network\"\npilot-every-photos = 50\nrecalibrate = true\n";
 
     #[test]
-    fn by_default_photos_are_restored_on_arrival_and_kept() {
+    fn by_default_photos_are_restored_on_arrival() {
         let rig = small_and("").unwrap();
-        assert_eq!((rig.run.mode, rig.nights, rig.keep), (Mode::Folder, None, Keep::default()));
-    }
-
-    #[test]
-    fn retention_has_limits_or_none() {
-        let keep = "[keep]\nresults-days-max = 30.0\nresults-mib-max = inf\noriginals-days-max = \
-         90.0\n\
-            originals-mib-max = 20000.0\n";
-        let rig = small_and(keep).unwrap();
-        assert_eq!((rig.keep.results_days_max, rig.keep.results_mib_max), (30.0, f64::INFINITY));
-        assert_eq!(rig.identity, small_and("").unwrap().identity, "calibrations remain valid");
-        for (from, to, wanted) in [
-            ("= 30.0", "= 0.5", "allowed 1 to inf"),
-            ("= 20000.0", "= nan", "allowed 100 to inf"),
-            ("originals-mib-max = 20000.0\n", "", "missing key `originals-mib-max`"),
-        ] {
-            let complaint = small_and(&keep.replace(from, to)).unwrap_err();
-            assert!(complaint.contains(wanted), "{complaint}");
-        }
+        assert_eq!((rig.run.mode, rig.nights), (Mode::Folder, None));
     }
 
     #[test]
@@ -205,6 +161,5 @@ mod tests {
             (rig.run.mode, rig.nights.is_some(), rig.disk.floor_mib),
             (Mode::Button, true, 256.0)
         );
-        assert_eq!(rig.keep.results_days_max, 90.0);
     }
 }

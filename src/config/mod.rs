@@ -20,9 +20,7 @@ mod simulation;
 mod spectra;
 mod written;
 
-pub use appliance::{
-    ClockSource, DiskTable, Keep, LargerPhotos, Mode, NightMinutes, Nights, RunTable,
-};
+pub use appliance::{ClockSource, DiskTable, LargerPhotos, Mode, NightMinutes, Nights, RunTable};
 pub use error::ConfigError;
 pub use hardware::{
     CameraDevice, ExposureBy, FeatureValue, FreeRunningKeys, GenicamDevice, GpioLine, Hardware,

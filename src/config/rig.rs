@@ -1,6 +1,6 @@
 //! A rig file after validation.
 
-use super::appliance::{DiskTable, Keep, Nights, RunTable};
+use super::appliance::{DiskTable, Nights, RunTable};
 use super::hardware::Hardware;
 use super::methods::Numbers;
 use super::parts::{
@@ -39,8 +39,6 @@ pub struct RigFile {
     pub nights: Option<Nights>,
     /// Disk space.
     pub disk: DiskTable,
-    /// Retention of results and originals.
-    pub keep: Keep,
     /// Hash of everything that a calibration depends on; a calibration with another identity is not
     /// of this rig. Seeds, faults and restoration are not part of it. A default is hashed alike
     /// whether written or left out.

@@ -60,7 +60,6 @@ pub(super) fn check(written: RigTables, places: &Places) -> Result<RigFile, Conf
         run: written.run,
         nights: written.nights,
         disk: written.disk,
-        keep: written.keep.unwrap_or_default(),
         identity: identity.0,
     })
 }

@@ -215,7 +215,7 @@ fn written_in_full() -> String {
             if name.starts_with("hardware") || name.starts_with("lens.") {
                 continue;
             }
-            let optional = ["nights", "keep", "marks"].contains(&name.as_str());
+            let optional = ["nights", "marks"].contains(&name.as_str());
             for part in name.split('.') {
                 let entry = at.entry(part).or_insert_with(|| toml::Table::new().into());
                 at = entry.as_table_mut().expect("a table");
@@ -227,7 +227,7 @@ fn written_in_full() -> String {
             }
         }
     }
-    for optional in ["nights", "keep", "marks"] {
+    for optional in ["nights", "marks"] {
         whole.remove(optional);
     }
     toml::to_string(&whole).expect("tables of plain values")

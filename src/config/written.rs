@@ -4,7 +4,7 @@
 use strsim::levenshtein;
 use toml::Value;
 
-use super::appliance::{DiskTable, Keep, Nights, RunTable};
+use super::appliance::{DiskTable, Nights, RunTable};
 use super::error::ConfigError;
 use super::hardware::Hardware;
 use super::keys::{Allowed, Key, KindKeys, LeftOut, TableKeys, kind_words, number, table};
@@ -51,8 +51,6 @@ table! {
             Says("photos are restored at any time and drift is not monitored");
         /// Disk space.
         disk: DiskTable, Table(&DiskTable::TABLE), Means("{}");
-        /// Retention of results and originals.
-        keep: Option<Keep>, Table(&Keep::TABLE), Says("everything is kept for ever");
         /// Devices of a real rig.
         hardware: Option<Hardware>, Table(&Hardware::TABLE), Says(NOT_HARDWARE);
         /// Simulation as a whole.

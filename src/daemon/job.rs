@@ -141,8 +141,6 @@ pub(super) struct Job<'a> {
     pub(super) clock: &'a dyn Clock,
     /// The calendar, seconds since 1970.
     pub(super) unix_s: &'a dyn Fn() -> u64,
-    /// The date of a report, likewise.
-    pub(super) date: &'a dyn Fn() -> u64,
     pub(super) watcher: &'a mut dyn Watcher,
     /// Receives the progress of the restoration.
     pub(super) on_progress: &'a mut dyn FnMut(Progress),
@@ -273,7 +271,7 @@ impl Job<'_> {
             outcome: &outcome,
             encoded: &Encoded::of(&read, &outcome)?,
             rig: &self.setting.rig,
-            finished_unix_s: (self.date)(),
+            finished_unix_s: (self.unix_s)(),
         };
         Ok(delivery.deliver(photo, &mut |step| self.watcher.step(step))?)
     }

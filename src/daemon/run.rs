@@ -5,9 +5,9 @@ use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
-use super::clocks::Clocks;
+use super::clocks::{Clocks, Now};
 use super::error::DaemonError;
-use super::job::{Job, JobEnd};
+use super::job::{Job, JobEnd, Unsettled};
 use super::report::state::Doing;
 use super::report::summary::Summary;
 use super::report::{Reporter, Snapshot};
@@ -16,12 +16,10 @@ use super::setting::DaemonSetting;
 use super::store::folders::Folders;
 use super::store::hints::Hints;
 use super::store::inbox::{Inbox, Patience, Ready};
-use super::store::limits::{Keeping, Now};
+use super::store::late::LateWrites;
 use super::store::report_file::{Delivered, Failed};
 use super::store::withdraw::withdraw;
-use super::upkeep::Upkeep;
 use super::watcher::Watcher;
-use crate::config::Keep;
 use crate::disk::FileError;
 use crate::picture::{Growth, PictureError};
 use crate::remedy::{Remediable, full_message};
@@ -61,7 +59,8 @@ pub struct Daemon<'a> {
     watcher: &'a mut dyn Watcher,
     schedule: Box<dyn Schedule + 'a>,
     inbox: Inbox,
-    upkeep: Upkeep<'a>,
+    unsettled: Unsettled,
+    late: LateWrites,
     reporter: Reporter,
 }
 
@@ -80,11 +79,12 @@ impl<'a> Daemon<'a> {
     ) -> Result<Daemon<'a>, DaemonError> {
         Ok(Daemon {
             restorer,
-            clocks: Clocks::new(clock, calendar),
+            clocks: Clocks { clock, calendar },
             watcher,
             schedule: Box::new(()),
             inbox: Inbox::new(if setting.hints { Hints::new() } else { Hints::none() }),
-            upkeep: Upkeep::new(),
+            unsettled: Unsettled::default(),
+            late: LateWrites::default(),
             reporter: Reporter::open(&folders, &setting.rig, setting.needs_button)?,
             folders,
             setting,
@@ -95,15 +95,6 @@ impl<'a> Daemon<'a> {
     #[must_use]
     pub fn scheduled(mut self, schedule: Box<dyn Schedule + 'a>) -> Daemon<'a> {
         self.schedule = schedule;
-        self
-    }
-
-    /// Sets the limits of kept results and originals. While `is_calendar_trusted`, ages count and
-    /// dates of reports follow jumps: to a board that boots in the wrong year all would look old.
-    #[must_use]
-    pub fn keeping(mut self, keep: Keep, is_calendar_trusted: &'a dyn Fn() -> bool) -> Daemon<'a> {
-        self.upkeep.keeping = Keeping::new(keep, is_calendar_trusted);
-        self.clocks.is_trusted = is_calendar_trusted;
         self
     }
 
@@ -158,7 +149,6 @@ impl<'a> Daemon<'a> {
             if let Err(error) = &passed {
                 self.schedule.notify(Event::Held(error), &mut *self.restorer);
             }
-            self.publish_notices();
             let (reason, wait_s) = match passed {
                 Ok(Turn::Stop) => break,
                 Ok(Turn::Hold { reason, until, .. }) => {
@@ -277,7 +267,7 @@ impl<'a> Daemon<'a> {
                     continue;
                 }
             }
-            self.make_room()?;
+            self.folders.check_free_space(self.setting.floor_bytes)?;
             match self.ask(waiting + 1 - taken, true)? {
                 Turn::Go => {}
                 Turn::Again(photos) => {
@@ -320,18 +310,13 @@ impl<'a> Daemon<'a> {
 
     /// Does the chores and scans the inbox.
     fn scan(&mut self, patience: Patience) -> Result<Ready, DaemonError> {
-        let (folders, now) = (&self.folders, self.clocks.now());
-        let Upkeep { keeping, unsettled, .. } = &mut self.upkeep;
-        unsettled.settle(folders)?;
-        if keeping.sweep(folders, self.schedule.unproven(), now) {
-            self.reporter.reload(folders);
-        }
-        let late = self.upkeep.late.take_changed(folders, now.moment);
+        let now = self.clocks.moment();
+        self.unsettled.settle(&self.folders)?;
+        let late = self.late.take_changed(&self.folders, now);
         if !late.is_empty() {
             self.withdraw(&late)?;
         }
-        let folders = &self.folders;
-        Ok(self.inbox.scan(folders, now.moment, patience)?)
+        Ok(self.inbox.scan(&self.folders, now, patience)?)
     }
 
     /// Whether the photo at `path` is complete, or will never be. Other flaws are found by the job.
@@ -353,16 +338,6 @@ impl<'a> Daemon<'a> {
                 _ => Ok(None),
             }
         })
-    }
-
-    /// Frees space for one more photo by the limits, if necessary.
-    fn make_room(&mut self) -> Result<(), DaemonError> {
-        let (now, unproven) = (self.clocks.now(), self.schedule.unproven());
-        let floor_bytes = self.setting.floor_bytes;
-        if self.upkeep.keeping.make_room(&self.folders, unproven, now, floor_bytes)? {
-            self.reporter.reload(&self.folders);
-        }
-        Ok(())
     }
 
     fn work(&mut self, path: &Path, number: usize, of: usize) -> Result<JobEnd, DaemonError> {
@@ -395,9 +370,8 @@ impl<'a> Daemon<'a> {
             restorer: &mut *self.restorer,
             clock: self.clocks.clock,
             unix_s: &|| self.clocks.unix_s(),
-            date: &|| self.clocks.date(),
             watcher: &mut *self.watcher,
-            unsettled: &mut self.upkeep.unsettled,
+            unsettled: &mut self.unsettled,
         };
         let end = job.run(path);
         self.watcher.ended();
@@ -416,7 +390,7 @@ impl<'a> Daemon<'a> {
             JobEnd::Done { report, delivered, original } => {
                 self.reporter.add(*report);
                 let until = Moment(self.clocks.moment().0 + self.setting.unfinished_s);
-                self.upkeep.late.watch(&self.folders, delivered, original, until);
+                self.late.watch(&self.folders, delivered, original, until);
             }
             JobEnd::Failed(failed) => self.reporter.add_failed(failed),
             JobEnd::Deferred { path, failed } => self.defer(path, failed.reason, retry_s),
@@ -460,15 +434,6 @@ impl<'a> Daemon<'a> {
     fn try_to_show_gallery(&mut self) {
         if let Err(error) = self.show_gallery() {
             log::warn!("{}", full_message(&error));
-        }
-    }
-
-    /// Publishes changed notices to the operator.
-    fn publish_notices(&mut self) {
-        let attention = self.schedule.attention().iter().map(ToString::to_string).collect();
-        if self.reporter.set_attention(attention) {
-            self.set_doing(self.reporter.doing());
-            self.try_to_show_gallery();
         }
     }
 

@@ -75,17 +75,6 @@ pub enum Screen {
         /// Incomplete photos.
         others: String,
     },
-    /// The last night was missed.
-    Missed {
-        /// The notice.
-        what: String,
-        /// The reason.
-        why: String,
-        /// Photos waiting.
-        photos: usize,
-        /// Incomplete photos.
-        others: String,
-    },
     /// The operator is needed.
     Trouble {
         /// The problem.
@@ -105,8 +94,7 @@ impl Screen {
         match self {
             Screen::Waiting { others, .. }
             | Screen::Asking { others, .. }
-            | Screen::Resting { others, .. }
-            | Screen::Missed { others, .. } => Some(others),
+            | Screen::Resting { others, .. } => Some(others),
             _ => None,
         }
     }
@@ -255,10 +243,6 @@ fn content(screen: &Screen) -> ScreenContent {
         }
         Screen::Resting { words, photos, .. } => {
             ScreenContent::new(Symbol::Moon, waiting_title(*photos), vec![main(&sentence(words))])
-        }
-        Screen::Missed { what, why, photos, .. } => {
-            let lines = vec![main(&sentence(what)), alert(&sentence(why))];
-            ScreenContent::new(Symbol::Triangle, waiting_title(*photos), lines)
         }
         Screen::Trouble { what, to_do } => {
             let lines = vec![main(what), alert(to_do), soft(RECOVERS)];

@@ -3,9 +3,6 @@
 use super::*;
 use crate::frame::{Channel, Plane};
 
-const MISSED: &str = "no photo was restored in the night up to 2026-01-11 06:00 (Europe/Vienna), \
-                      though photos wait since 2026-01-10 21:50 (Europe/Vienna)";
-
 /// One screen of each kind, by name.
 fn examples() -> Vec<(&'static str, Screen)> {
     let text = str::to_owned;
@@ -45,15 +42,6 @@ fn examples() -> Vec<(&'static str, Screen)> {
             "resting",
             Screen::Resting {
                 words: text("The night begins at 22:00 (Europe/Vienna)."),
-                photos: 4000,
-                others: String::new(),
-            },
-        ),
-        (
-            "missed",
-            Screen::Missed {
-                what: text(MISSED),
-                why: text("the time is unknown: no network has set the clock yet"),
                 photos: 4000,
                 others: String::new(),
             },

@@ -6,11 +6,6 @@ use jiff::{Timestamp, ToSpan, Zoned};
 
 use crate::config::{self, Nights};
 
-const DAY_S: f64 = 86_400.0;
-
-/// Longest time searched back for whole windows, days.
-const DAYS_MAX: i64 = 400;
-
 /// Hours in a time zone, in local time also across daylight saving.
 #[derive(Debug, Clone)]
 pub struct Window {
@@ -34,17 +29,6 @@ pub enum Hours {
         /// For example "the night begins at 22:00 (Europe/Vienna)".
         words: String,
     },
-}
-
-/// Whole windows in an interval.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct WholeWindows {
-    /// Their number.
-    pub count: usize,
-    /// Begin of the last one, seconds since 1970 UTC.
-    pub begins_unix_s: f64,
-    /// End of the last one, seconds since 1970 UTC.
-    pub ends_unix_s: f64,
 }
 
 impl Window {
@@ -77,51 +61,6 @@ impl Window {
             }
         }
         self.closed(opens_in_s.min(2.0 * 86_400.0), from)
-    }
-
-    /// Whole windows between two times, seconds since 1970 UTC; `None` without any. A window that
-    /// is always open counts by days of 24 hours.
-    pub fn whole_between(&self, from_unix_s: f64, to_unix_s: f64) -> Option<WholeWindows> {
-        let Some((from, to)) = self.minutes else {
-            let days = ((to_unix_s - from_unix_s) / DAY_S).floor();
-            let ends_unix_s = from_unix_s + days * DAY_S;
-            let begins_unix_s = ends_unix_s - DAY_S;
-            let count = days.max(0.0) as usize;
-            return (count > 0).then_some(WholeWindows { count, begins_unix_s, ends_unix_s });
-        };
-        let now =
-            Timestamp::from_millisecond((to_unix_s * 1e3) as i64).ok()?.to_zoned(self.zone.clone());
-        let mut last = None;
-        let mut count = 0;
-        for day in (-DAYS_MAX..=0).rev() {
-            let begins = self.at_local_time(&now, day, from)?;
-            let ends = self.at_local_time(&now, day + i64::from(to <= from), to)?;
-            if begins < from_unix_s {
-                break;
-            }
-            if ends <= to_unix_s {
-                count += 1;
-                last = last.or(Some((begins, ends)));
-            }
-        }
-        last.map(|(begins_unix_s, ends_unix_s)| WholeWindows { count, begins_unix_s, ends_unix_s })
-    }
-
-    /// Longest duration of the window, seconds; daylight saving may add an hour.
-    pub fn longest_s(&self) -> f64 {
-        let minutes = self.minutes.map_or(0, |(from, to)| (1440 + to - from) % 1440);
-        f64::from(minutes + 60) * 60.0
-    }
-
-    /// Local date and time of `unix_s`, with the zone.
-    pub fn local_time(&self, unix_s: f64) -> String {
-        match Timestamp::from_millisecond((unix_s * 1e3) as i64) {
-            Ok(stamp) => {
-                let zoned = stamp.to_zoned(self.zone.clone());
-                format!("{} ({})", zoned.strftime("%Y-%m-%d %H:%M"), self.zone_name)
-            }
-            Err(_) => "an unknown time".to_owned(),
-        }
     }
 
     fn closed(&self, opens_in_s: f64, from: u16) -> Hours {
@@ -209,32 +148,6 @@ mod tests {
         assert!(open_hours(&hour, "2026-03-28T12:00:00Z", "2026-03-29T12:00:00Z") <= 0.5);
         assert_eq!(open_hours(&hour, "2026-10-24T12:00:00Z", "2026-10-25T12:00:00Z"), 0.5);
         assert_eq!(open_hours(&hour, "2026-06-01T12:00:00Z", "2026-06-02T12:00:00Z"), 0.5);
-    }
-
-    #[test]
-    fn whole_windows_are_counted_and_the_last_is_returned() {
-        let vienna = window("22:00-06:00", "Europe/Vienna");
-        let pair = |w: WholeWindows| (w.count, (w.begins_unix_s, w.ends_unix_s));
-        let between = |from: &str, to: &str| vienna.whole_between(unix(from), unix(to)).map(pair);
-        let night = (unix("2026-01-10T21:00:00Z"), unix("2026-01-11T05:00:00Z"));
-        assert_eq!(between("2026-01-10T20:00:00Z", "2026-01-11T05:00:00Z"), Some((1, night)));
-        assert_eq!(between("2026-01-10T20:00:00Z", "2026-01-11T04:59:00Z"), None, "it is not over");
-        assert_eq!(between("2026-01-10T21:01:00Z", "2026-01-11T20:59:00Z"), None, "it had begun");
-        assert_eq!(between("2026-01-08T12:00:00Z", "2026-01-11T12:00:00Z"), Some((3, night)));
-        assert_eq!(between("2026-01-11T12:00:00Z", "2026-01-10T12:00:00Z"), None);
-        // Through the night in which the clocks change.
-        assert_eq!(
-            between("2026-03-28T12:00:00Z", "2026-03-29T04:00:00Z").map(|(n, _)| n),
-            Some(1)
-        );
-        let always = window("always", "UTC");
-        assert_eq!(always.whole_between(0.0, 86_399.0), None);
-        assert_eq!(
-            always.whole_between(0.0, 200_000.0).map(pair),
-            Some((2, (86_400.0, 172_800.0)))
-        );
-        assert_eq!(vienna.local_time(night.1), "2026-01-11 06:00 (Europe/Vienna)");
-        assert_eq!([vienna.longest_s(), always.longest_s()], [9.0 * 3600.0, 3600.0]);
     }
 
     #[test]

@@ -257,7 +257,7 @@ fn script(seed: u64) -> Result<usize, String> {
     let mut to_come = good.clone();
     for (n, name) in names.into_iter().enumerate().take(3) {
         let bytes = format!("Dear Sir {n}").into_bytes();
-        to_come.insert(4 * n, Dropped { name, bytes, result: None, past_limits: false });
+        to_come.insert(4 * n, Dropped { name, bytes, result: None });
     }
     let mut world = World {
         chance: Chance(seed),

@@ -10,7 +10,6 @@ mod bed;
 mod faults;
 mod files;
 mod hostile;
-mod keeping;
 mod model_disk;
 mod neighbours_of_bad;
 mod power;

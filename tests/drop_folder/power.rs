@@ -11,7 +11,7 @@ use std::path::Path;
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, UNIX_EPOCH};
 
-use relens::config::{ClockSource, Curve, Keep, Nights};
+use relens::config::{ClockSource, Curve, Nights};
 use relens::daemon::{
     Daemon, DaemonError, DaemonSetting, Folders, JobStep, Nightly, Schedule, Summary, Times,
     Watcher,
@@ -78,24 +78,8 @@ fn without_numbers(op: &Op) -> String {
     }
 }
 
-/// Date and limits.
-#[derive(Debug, Clone, Copy)]
-pub struct Age {
-    pub calendar_unix_s: u64,
-    pub keep: Keep,
-    /// Whether the box has nights; it is day, so that no photo is begun.
-    pub nights: bool,
-}
-
-impl Default for Age {
-    /// No limits.
-    fn default() -> Age {
-        Age { calendar_unix_s: CALENDAR_UNIX_S, keep: Keep::default(), nights: false }
-    }
-}
-
 /// Nights; by this model's calendar it is day, and photos wait.
-fn nights() -> Nights {
+fn by_night() -> Nights {
     Nights {
         window: "22:00-06:00".into(),
         time_zone: "UTC".into(),
@@ -107,11 +91,11 @@ fn nights() -> Nights {
 
 /// Runs once on `contents`, omitting the operation `skip`.
 fn live(contents: Contents, skip: Option<&Label>, poisoned: bool) -> Life {
-    live_at(Age::default(), contents, skip, poisoned)
+    live_in(false, contents, skip, poisoned)
 }
 
-/// [`live`] at another date.
-pub fn live_at(age: Age, contents: Contents, skip: Option<&Label>, poisoned: bool) -> Life {
+/// [`live`]; a box with `nights` begins no photo, for it is day.
+pub fn live_in(nights: bool, contents: Contents, skip: Option<&Label>, poisoned: bool) -> Life {
     type Seen = (Vec<(Contents, Begun)>, Vec<Label>);
     let seen: Arc<Mutex<Seen>> = Arc::default();
     let (mut part, mut counts) = ("start", BTreeMap::<String, usize>::new());
@@ -145,18 +129,16 @@ pub fn live_at(age: Age, contents: Contents, skip: Option<&Label>, poisoned: boo
     );
     let (mut restorer, mut watcher) = (Brightener::default(), Poison(poisoned));
     let clock = TestClock::default();
-    let calendar = || UNIX_EPOCH + Duration::from_secs(age.calendar_unix_s);
+    let calendar = || UNIX_EPOCH + Duration::from_secs(CALENDAR_UNIX_S);
     let setting =
         DaemonSetting { hints: false, ..DaemonSetting::new("test rig", TINY, Curve::Srgb) };
     let lived = catch_unwind(AssertUnwindSafe(|| {
         let folders = Folders::on(Arc::new(disk.clone()), Path::new(ROOT))?;
-        let times =
-            Times { clock: &clock, calendar: &calendar, is_set: &|| true, temperature_c: &|| None };
-        let schedule = (age.nights.then(|| Nightly::new(&nights(), &folders, times)).flatten())
+        let times = Times { clock: &clock, calendar: &calendar, is_set: &|| true };
+        let schedule = (nights.then(|| Nightly::new(&by_night(), &folders, times)).flatten())
             .map(|night| Box::new(night) as Box<dyn Schedule>);
         let daemon =
             Daemon::open(folders, setting, &mut restorer, &clock, &calendar, &mut watcher)?;
-        let daemon = daemon.keeping(age.keep, &|| true);
         let mut daemon =
             if let Some(schedule) = schedule { daemon.scheduled(schedule) } else { daemon };
         daemon.once()
@@ -185,7 +167,7 @@ pub fn canonical(disk: Survivors) -> Survivors {
     for (path, (inode, holds)) in disk {
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let preview = path.starts_with("/box/outbox/gallery") && !delivered.contains(&name);
-        if [".relens-state.json", "index.html", "removed.json"].contains(&&*name)
+        if [".relens-state.json", "index.html"].contains(&&*name)
             || name.ends_with(".tmp")
             || preview
         {
@@ -243,12 +225,13 @@ fn search(
     dropped: &[Dropped],
     skip: Option<&Label>,
 ) -> Result<Found, String> {
-    search_at(Age::default(), starts, dropped, skip, &|_, _| Ok(()))
+    search_in(false, starts, dropped, skip, &|_, _| Ok(()))
 }
 
-/// [`search`] at another date; `also` must hold for the disk at every instant, and is told the end.
-pub fn search_at(
-    age: Age,
+/// [`search`] of a box with or without `nights`; `also` must hold for the disk at every instant,
+/// and is told the end.
+pub fn search_in(
+    nights: bool,
     starts: Vec<Contents>,
     dropped: &[Dropped],
     skip: Option<&Label>,
@@ -259,14 +242,14 @@ pub fn search_at(
     let mut waiting = starts;
     while let Some(contents) = waiting.pop() {
         let folders = contents.folders().clone();
-        let life = live_at(age, contents, skip, false);
+        let life = live_in(nights, contents, skip, false);
         found.states += 1;
         found.labels.extend(life.labels);
         let summary = life.end.map_err(|error| format!("the daemon stopped: {error}"))?;
         let last = life.instants.len() - 1;
         for (n, (contents, begun)) in life.instants.into_iter().enumerate() {
             if n == last {
-                if !age.nights {
+                if !nights {
                     in_the_end(&contents.now(), dropped)?;
                 }
                 also(&contents.now(), true)?;
@@ -338,7 +321,7 @@ pub fn good(name: &'static str, level: f32) -> Dropped {
     let light: Frame<Work> =
         Frame::from_fn(|_| Plane::from_fn(TINY, |x, y| level + (x * y) as f32));
     let bytes = encode(name, &light, &Manner::plain(Format::Png, 8, Curve::Srgb), false).unwrap();
-    let dropped = [Dropped { name, bytes: bytes.clone(), result: None, past_limits: false }];
+    let dropped = [Dropped { name, bytes: bytes.clone(), result: None }];
     let life = live(filled(&dropped, None), None, false);
     let end = life.instants.last().unwrap().0.now();
     assert!(
@@ -348,18 +331,13 @@ pub fn good(name: &'static str, level: f32) -> Dropped {
         end.keys()
     );
     let result = end[&Path::new(ROOT).join("outbox").join(name)].1.to_vec();
-    Dropped { name, bytes, result: Some(result), past_limits: false }
+    Dropped { name, bytes, result: Some(result) }
 }
 
 /// The whole search: a good photo, a bad one, a duplicate name dropped just after the first was
 /// done, and a photo that always ends the program.
 fn everything(skip: Option<&Label>) -> Result<Found, String> {
-    let bad = [Dropped {
-        name: "b.png",
-        bytes: b"Dear Sir or Madam".to_vec(),
-        result: None,
-        past_limits: false,
-    }];
+    let bad = [Dropped { name: "b.png", bytes: b"Dear Sir or Madam".to_vec(), result: None }];
     let dropped = [good("a.png", 30.0)];
     search_poison(filled(&dropped, None), &dropped, skip)?;
     let mut found = search(vec![filled(&dropped, None)], &dropped, skip)?;

@@ -17,8 +17,6 @@ pub struct Dropped {
     pub name: &'static str,
     pub bytes: Vec<u8>,
     pub result: Option<Vec<u8>>,
-    /// Done long ago, past the limits of `[keep]`.
-    pub past_limits: bool,
 }
 
 fn folder(path: &Path) -> &str {
@@ -43,9 +41,6 @@ pub fn at_every_instant(disk: &Survivors, dropped: &[Dropped]) -> Result<(), Str
             })
             .map(|(path, _)| path)
             .collect();
-        if photo.past_limits && homes.iter().all(|home| folder(home) == "done") && homes.len() < 2 {
-            continue;
-        }
         let [home] = homes[..] else { return Err(format!("{} is in {homes:?}", photo.name)) };
         if folder(home) == "done" && results(disk, photo).is_empty() {
             return Err(format!("{} is done without a result", photo.name));
@@ -97,21 +92,6 @@ fn results<'a>(disk: &'a Survivors, photo: &Dropped) -> Vec<&'a PathBuf> {
     disk.iter().filter(is).map(|(path, _)| path).collect()
 }
 
-/// No picture belongs to a removed result.
-pub fn nothing_is_orphaned(disk: &Survivors) -> Result<(), String> {
-    let reports =
-        disk.iter().filter(|(path, _)| path.extension().is_some_and(|ending| ending == "json"));
-    let reports: String = reports.map(|(_, (_, report))| String::from_utf8_lossy(report)).collect();
-    let picture = |path: &&PathBuf| path.extension().is_some_and(|ending| ending == "jpg");
-    // Named with the same prefix.
-    let owned =
-        |path: &&PathBuf| reports.contains(name(path).split('-').next().unwrap_or_default());
-    match disk.keys().filter(picture).find(|path| !owned(path)) {
-        Some(path) => Err(format!("{} belongs to no result", path.display())),
-        None => Ok(()),
-    }
-}
-
 /// No photo waits or is under way, and no temporary file remains; each photo is done with one
 /// result or rejected without.
 pub fn in_the_end(disk: &Survivors, dropped: &[Dropped]) -> Result<(), String> {
@@ -128,8 +108,7 @@ pub fn in_the_end(disk: &Survivors, dropped: &[Dropped]) -> Result<(), String> {
         let home = home.map_or("", |(path, _)| folder(path));
         let results = results(disk, photo);
         match (home, &photo.result, results.len()) {
-            ("", Some(_), 0) if photo.past_limits => {}
-            ("done", Some(_), 1) if !photo.past_limits => {}
+            ("done", Some(_), 1) => {}
             ("failed", None, 0) => {}
             ("failed", Some(_), 0) if interrupted => {}
             (home, ..) => {

@@ -432,12 +432,7 @@ fn a_power_cut_leaves_a_taken_photo_whole_or_absent_and_whole_once_announced() {
         })
         .map(|(_, (_, holds))| holds.to_vec());
     assert!(result.is_some());
-    let dropped = [Dropped {
-        name: "photo-20961002-070640.png",
-        bytes: photo(0),
-        result,
-        past_limits: false,
-    }];
+    let dropped = [Dropped { name: "photo-20961002-070640.png", bytes: photo(0), result }];
     let mut instants = std::mem::take(&mut *instants.lock().unwrap());
     instants.push((end, true));
     let (mut known, mut absent, mut cuts) = (BTreeSet::<Survivors>::new(), 0, 0);

@@ -5,14 +5,13 @@ use std::path::Path;
 use relens::daemon::Delivered;
 
 use crate::model_disk::{Contents, ModelDisk, Survivors, Verdict};
-use crate::power::{Age, Found, Label, canonical, filled, good, live_at, search_at};
+use crate::power::{Found, Label, canonical, filled, good, live_in, search_in};
 use crate::power_checks::{Dropped, ROOT};
 
 /// A restored photo and a night that withdraws its result: every state reachable by power cuts.
 fn search(skip: Option<&Label>) -> Result<Found, String> {
     let photo = good("a.png", 30.0);
-    let night = Age { nights: true, ..Age::default() };
-    let life = live_at(Age::default(), filled(std::slice::from_ref(&photo), None), None, false);
+    let life = live_in(false, filled(std::slice::from_ref(&photo), None), None, false);
     let (end, _) = life.instants.last().ok_or("no instants")?;
     let mut folders = end.folders().clone();
     folders.insert(Path::new(ROOT).join("outbox/withdrawn"));
@@ -23,11 +22,11 @@ fn search(skip: Option<&Label>) -> Result<Found, String> {
     let delivered = Delivered { kept: "a.png".into(), result: "a.png".into() };
     let record = serde_json::json!({
         "floor_unix_s": 0.0, "unproven": [delivered], "must_repeat": true,
-        "is_withdrawing": true, "waiting_since_unix_s": null, "obstacle": "",
+        "is_withdrawing": true,
     });
     disk.drop_in(&Path::new(ROOT).join(".relens-night.json"), record.to_string().as_bytes(), 80);
     let dropped: [Dropped; 1] = [photo];
-    search_at(night, vec![disk.contents()], &dropped, skip, &|disk, end| {
+    search_in(true, vec![disk.contents()], &dropped, skip, &|disk, end| {
         withdrawn(disk, &dropped[0], end)
     })
 }

@@ -171,12 +171,9 @@ fn records(folder: &Path) {
     let night = |again: bool| {
         format!(
             r#"{{"floor_unix_s":1.0,"unproven":[{delivered}],"must_repeat":{again},
-                "is_withdrawing":{again},"waiting_since_unix_s":null,"obstacle":""}}"#
+                "is_withdrawing":{again}}}"#
         )
     };
-    let pilots = r#"[{"unix-s":1,
-        "drift":{"shift-px":0.1,"gain-percent":0.0,"offset-levels":0.0,"noise-ratio":1.0},
-        "verdict":"good","temperature-c":40.0}]"#;
     let report = r#"{"photo":"a.png","result":"a.png","result-address":"a.png",
         "outcome":"untouched","rig":"test","method":"none","stage":"photo","reason":"",
         "captures":0,"seconds":0.0,"certificate":null,"meaning":null,
@@ -190,43 +187,16 @@ fn records(folder: &Path) {
     let state = r#"{"rig":"test",
         "doing":{"is":"restoring","photo":"a.png","done":0.5,"remaining_s":null},
         "restored":1,"untouched":0,"failed":0,"waiting":{"turn":0,"button":0,"window":0,"panel":0,
-        "rig":0,"settling":0,"unfinished":0,"retry":0},"attention":[],"needs-button":true,
+        "rig":0,"settling":0,"unfinished":0,"retry":0},"needs-button":true,
         "written-unix-s":1}"#;
     serde_json::from_str::<relens::daemon::State>(state).unwrap();
     let all = [
-        (
-            "begun",
-            [
-                ledger(1, "null"),
-                night(false),
-                pilots.into(),
-                String::new(),
-                note.into(),
-                state.into(),
-            ],
-        ),
+        ("begun", [ledger(1, "null"), night(false), String::new(), note.into(), state.into()]),
         (
             "delivered",
-            [
-                ledger(1, name),
-                night(false),
-                String::new(),
-                report.into(),
-                note.into(),
-                "the result".into(),
-            ],
+            [ledger(1, name), night(false), report.into(), note.into(), "the result".into()],
         ),
-        (
-            "again",
-            [
-                ledger(9, name),
-                night(true),
-                String::new(),
-                report.into(),
-                String::new(),
-                String::new(),
-            ],
-        ),
+        ("again", [ledger(9, name), night(true), report.into(), String::new(), String::new()]),
     ];
     for (name, sections) in all {
         let mut text = sections.join("\0");

@@ -14,9 +14,7 @@ use super::page;
 use super::summary::PhotoCounts;
 use crate::daemon::store::companions::is_hidden;
 use crate::daemon::store::folders::Folders;
-use crate::daemon::store::limits::Removed;
 use crate::daemon::store::names::{address, note_name, thumbnail_address};
-use crate::daemon::store::pilots::{self, PilotEntry};
 use crate::daemon::store::report_file::{Failed, Report, read_report};
 use crate::daemon::store::waiting::Waiting;
 use crate::disk::FileError;
@@ -156,13 +154,15 @@ impl Gallery {
         folders: &Folders,
         rig: &str,
         deferred: &[Failed],
-        attention: &[String],
         now_unix_s: u64,
     ) -> Result<(), FileError> {
         let (files, outbox, previews) = (folders.files(), folders.outbox(), folders.previews());
         // Oldest first: a full page does not change any more.
         self.reports
             .sort_by(|a, b| (a.finished_unix_s, &a.photo).cmp(&(b.finished_unix_s, &b.photo)));
+        let found = files.list(outbox)?;
+        let found: HashSet<_> = found.iter().map(|(name, _)| name.to_string_lossy()).collect();
+        self.reports.retain(|report| found.contains(&*report.result));
         self.find_originals(folders);
         let originals: Vec<Option<String>> =
             self.reports.iter().map(|r| self.original(r)).collect();
@@ -176,7 +176,6 @@ impl Gallery {
             })
             .collect();
         self.last_page = write_photo_pages(folders, &shown, &mut self.written, self.last_page)?;
-        let (removed, pilots) = (Removed::load(folders), pilots::load(folders));
         let data = Data {
             rig,
             written_unix_s: now_unix_s,
@@ -184,9 +183,6 @@ impl Gallery {
             photos: &self.reports,
             failed: &self.failed,
             deferred,
-            attention,
-            removed,
-            pilots: &pilots,
         };
         files.replace_for_now(previews, "report.json".as_ref(), &json(&data, outbox)?)?;
         let names = names_script(&self.reports, outbox)?;
@@ -198,9 +194,6 @@ impl Gallery {
             deferred,
             waiting: self.waiting,
             now: super::now::address(folders).as_deref(),
-            attention,
-            removed,
-            pilots: &pilots,
             now_unix_s,
         });
         files.replace(outbox, "index.html".as_ref(), html.as_bytes())
@@ -260,20 +253,6 @@ fn names_script(reports: &[Report], outbox: &Path) -> Result<Vec<u8>, FileError>
     Ok([b"relensNames(", &json(&rows, outbox)?[..], b");\n"].concat())
 }
 
-/// Writes the gallery of the rig called `rig` in `folders` without a daemon, with notices to the
-/// operator.
-///
-/// # Errors
-/// When a folder cannot be read or written.
-pub fn write_report(
-    folders: &Folders,
-    rig: &str,
-    attention: &[String],
-    now_unix_s: u64,
-) -> Result<(), FileError> {
-    Gallery::load(folders)?.write(folders, rig, &[], attention, now_unix_s)
-}
-
 /// The gallery as data, for other programs.
 #[derive(Serialize)]
 #[serde(rename_all = "kebab-case")]
@@ -284,7 +263,4 @@ struct Data<'a> {
     photos: &'a [Report],
     failed: &'a [Failed],
     deferred: &'a [Failed],
-    attention: &'a [String],
-    removed: Removed,
-    pilots: &'a [PilotEntry],
 }

@@ -5,7 +5,6 @@ pub(super) mod state;
 pub(super) mod summary;
 
 mod card;
-mod charts;
 mod html;
 mod now;
 mod page;
@@ -35,8 +34,6 @@ pub(super) struct Reporter {
     waiting: Waiting,
     /// State as written.
     doing: Doing,
-    /// Notices to the operator as published.
-    attention: Vec<String>,
 }
 
 /// Photos in the inbox at a time.
@@ -65,7 +62,6 @@ impl Reporter {
             summary: Summary::default(),
             waiting: Waiting::default(),
             doing: Doing::Waiting,
-            attention: Vec::new(),
         })
     }
 
@@ -93,12 +89,6 @@ impl Reporter {
         self.stale = true;
     }
 
-    /// Reads the outbox anew after results were removed.
-    pub(super) fn reload(&mut self, folders: &Folders) {
-        self.gallery = Gallery::load(folders).unwrap_or_default();
-        self.stale = true;
-    }
-
     /// The summary, with the photos still in the inbox.
     pub(super) fn summary(&self, deferred: Vec<Failed>, waiting: Waiting) -> Summary {
         Summary { deferred, waiting, ..self.summary.clone() }
@@ -109,11 +99,6 @@ impl Reporter {
         self.gallery.usual_s()
     }
 
-    /// The state as written.
-    pub(super) fn doing(&self) -> Doing {
-        self.doing.clone()
-    }
-
     /// Writes the state file and the page's status line. Errors are logged only.
     pub(super) fn set_doing(&mut self, folders: &Folders, doing: Doing, snapshot: &Snapshot) {
         (self.doing, self.waiting) = (doing.clone(), snapshot.waiting);
@@ -122,7 +107,6 @@ impl Reporter {
             rig: self.rig.clone(),
             doing,
             counts: self.gallery.counts(),
-            attention: self.attention.clone(),
             needs_button: self.needs_button,
             written_unix_s: snapshot.unix_s,
         };
@@ -132,15 +116,6 @@ impl Reporter {
         if let Err(error) = now::write(folders, &state.doing, snapshot.unix_s) {
             log::debug!("{}", full_message(&error));
         }
-    }
-
-    /// Sets the notices to the operator and logs new ones; returns whether they have changed.
-    pub(super) fn set_attention(&mut self, attention: Vec<String>) -> bool {
-        let new = attention.iter().filter(|words| !self.attention.contains(words));
-        new.for_each(|words| log::warn!("{words}"));
-        let changed = attention != self.attention;
-        self.attention = attention;
-        changed
     }
 
     /// Whether the gallery is due to be written while photos are still being restored.
@@ -177,7 +152,7 @@ impl Reporter {
         (self.written, self.stale) = (Some(snapshot.moment), false);
         self.shown = (snapshot.deferred.clone(), snapshot.waiting);
         self.gallery.waiting = snapshot.waiting;
-        self.gallery.write(folders, &self.rig, &snapshot.deferred, &self.attention, snapshot.unix_s)
+        self.gallery.write(folders, &self.rig, &snapshot.deferred, snapshot.unix_s)
     }
 }
 

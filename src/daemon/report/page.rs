@@ -4,11 +4,8 @@ use std::ffi::OsStr;
 use std::fmt::Write;
 
 use super::card::{GalleryPhoto, card, thumbnail};
-use super::charts;
 use super::html::{escape, moment, photos};
-use crate::daemon::store::limits::Removed;
 use crate::daemon::store::names::address;
-use crate::daemon::store::pilots::PilotEntry;
 use crate::daemon::store::report_file::{Failed, ResultKind};
 use crate::daemon::store::waiting::Waiting;
 
@@ -51,29 +48,17 @@ pub(super) struct Overview<'a> {
     pub(super) waiting: Waiting,
     /// Address of the status line, if written.
     pub(super) now: Option<&'a str>,
-    /// Notices to the operator, a sentence each.
-    pub(super) attention: &'a [String],
-    pub(super) removed: Removed,
-    pub(super) pilots: &'a [PilotEntry],
     pub(super) now_unix_s: u64,
 }
 
-/// The first page: counts, failures, newest photos, charts.
+/// The first page: counts, failures, newest photos.
 pub(super) fn first_page(overview: &Overview<'_>) -> String {
-    let &Overview { rig, photos: all, failed, deferred, .. } = overview;
-    let &Overview { attention, removed, pilots, now_unix_s, .. } = overview;
+    let &Overview { rig, photos: all, failed, deferred, now_unix_s, .. } = overview;
     let mut html = head(&format!("<p>{}</p>\n", counts(overview)), "", all.len());
     if let Some(now) = overview.now {
         let _ = writeln!(
             html,
             "<iframe class=\"now\" title=\"Status of the box\" src=\"{now}\"></iframe>"
-        );
-    }
-    for words in attention {
-        let _ = writeln!(
-            html,
-            "<p class=\"attention\">Attention: {}.</p>",
-            escape(words.trim_end_matches('.'))
         );
     }
     list(&mut html, "Failed", FAILED, failed, Some("../failed/"));
@@ -86,19 +71,7 @@ pub(super) fn first_page(overview: &Overview<'_>) -> String {
     let pages = all.len().div_ceil(PHOTOS);
     pager(&mut html, pages);
     cards(&mut html, &all[..all.len().min(PHOTOS)], "");
-    html.push_str(&charts::charts(all, pilots));
     html.push_str(HELP);
-    if removed != Removed::default() {
-        let _ = writeln!(
-            html,
-            "<p class=\"quiet\">Removed by the limits of this box: results {}, originals {}, {} \
-             MiB; most recently {}.</p>",
-            removed.results,
-            removed.originals,
-            removed.bytes >> 20,
-            moment(removed.last_unix_s),
-        );
-    }
     let _ = writeln!(
         html,
         "<p class=\"quiet\">Written {} by the rig {}. Also available <a \
@@ -294,9 +267,6 @@ mod tests {
             deferred,
             waiting: Waiting { settling: 2, ..Waiting::default() },
             now: None,
-            attention: &[],
-            removed: Removed::default(),
-            pilots: &[],
             now_unix_s: 0,
         }
     }
@@ -357,13 +327,9 @@ mod tests {
         let photos = [GalleryPhoto { report: &report, number: 0, original: None, scene: None }];
         let html = first_page(&overview("<b>rig", &photos, &failed, &failed));
         assert_eq!(html.matches("<script>").count(), 2, "the page's own");
-        let overview = Overview {
-            now: Some("gallery/now.html"),
-            attention: &["no photo was restored: <img src=x>".to_owned()],
-            ..overview("small", &[], &[], &[])
-        };
+        let overview =
+            Overview { now: Some("gallery/now.html"), ..overview("small", &[], &[], &[]) };
         let html = html + &first_page(&overview);
-        assert!(html.contains("Attention: no photo was restored: &lt;img"));
         assert!(
             !html.contains("<img src=x>") && !html.contains("<b>rig") && !html.contains('\u{202e}')
         );

@@ -69,8 +69,6 @@ pub struct State {
     /// Numbers of photos by outcome.
     #[serde(flatten)]
     pub counts: PhotoCounts,
-    /// Notices to the operator: a missed night, a button that does not respond; a sentence each.
-    pub attention: Vec<String>,
     /// Whether photos wait for the button.
     pub needs_button: bool,
     /// Time of writing, seconds since 1970 UTC by the box's calendar.
@@ -89,7 +87,6 @@ impl State {
             rig: rig.to_owned(),
             doing,
             counts: PhotoCounts::default(),
-            attention: Vec::new(),
             needs_button: true,
             written_unix_s,
         }

@@ -7,11 +7,11 @@ use std::time::SystemTime;
 
 use super::before_box::BeforeBox;
 use super::shooting::{ShootTurn, Shooting};
-use super::{Event, Notice, Question, Schedule, Turn};
+use super::{Event, Question, Schedule, Turn};
 use crate::config::{Mode, Nights};
 use crate::daemon::job::JobEnd;
 use crate::daemon::store::folders::Folders;
-use crate::daemon::store::report_file::{Delivered, Report, ResultKind, without_numbers};
+use crate::daemon::store::report_file::{Report, ResultKind, without_numbers};
 use crate::daemon::store::waiting::Awaited;
 use crate::kiosk::front_panel::{BoxState, FrontPanel};
 use crate::kiosk::screen::{AIM, DROP, DROP_AND_PRESS, IDLE, RESULT_IN_OUTBOX, Screen, sentence};
@@ -29,9 +29,6 @@ const STALLED_S: f64 = 30.0;
 
 /// Appended to what to do in trouble.
 const TRY_AGAIN: &str = "Press the button to try again at once.";
-
-/// The problem of a front panel that hangs.
-const STALLED: &str = "the button and the lamps do not respond";
 
 /// The last photo, for the panel.
 struct LastResult {
@@ -101,22 +98,13 @@ impl<'a> Attended<'a> {
         self.before.show(screen, state, rig);
     }
 
-    /// Updates the rounds of the front panel's loop.
-    fn update_rounds(&mut self) {
-        let rounds = self.before.front_panel.rounds();
+    /// Whether the front panel's loop hangs or has ended.
+    fn is_stalled(&mut self) -> bool {
+        let (rounds, now) = (self.before.front_panel.rounds(), self.before.clock.now());
         if rounds != self.rounds.map(|(seen, _)| seen) {
-            self.rounds = rounds.map(|rounds| (rounds, self.before.clock.now()));
+            self.rounds = rounds.map(|rounds| (rounds, now));
         }
-    }
-
-    fn is_stalled(&self) -> bool {
-        self.rounds.is_some_and(|(_, since)| self.before.clock.now().0 - since.0 > STALLED_S)
-    }
-
-    /// `screen`, or the problem of a front panel that hangs.
-    fn or_stalled(&self, screen: Screen) -> Screen {
-        let to_do = "Switch the box off and on.".to_owned();
-        if self.is_stalled() { Screen::Trouble { what: STALLED.to_owned(), to_do } } else { screen }
+        self.rounds.is_some_and(|(_, since)| now.0 - since.0 > STALLED_S)
     }
 
     /// Serves the requests of the button; returns the turn of a box in maintenance.
@@ -159,7 +147,6 @@ impl<'a> Attended<'a> {
         }
         let words = self.maintenance.clone()?;
         self.show(Screen::Maintenance { words }, BoxState::Maintenance, rig);
-        self.inner.notify(Event::KeptWaiting { waiting, why: "the box is in maintenance" }, rig);
         Some(Turn::Hold { reason: "maintenance".to_owned(), awaited: Awaited::Rig, until: None })
     }
 
@@ -172,21 +159,13 @@ impl<'a> Attended<'a> {
         Screen::Result { photo, untouched: *untouched, words, hint }
     }
 
-    /// Shows what photos wait for, or the missed night.
+    /// Shows what photos wait for.
     fn rest(&mut self, reason: &str, awaited: Awaited, waiting: usize, rig: &mut dyn Restorer) {
-        let others = self.incomplete.clone();
-        let (screen, state) = match self.inner.attention().into_iter().next() {
-            Some(Notice { what, why }) => {
-                (Screen::Missed { what, why, photos: waiting, others }, BoxState::Trouble)
-            }
-            None => {
-                let words = reason.to_owned();
-                (Screen::Resting { words, photos: waiting, others }, BoxState::Resting)
-            }
-        };
+        let (words, others) = (reason.to_owned(), self.incomplete.clone());
+        let screen = Screen::Resting { words, photos: waiting, others };
         // Photos that wait for the button must get it.
-        let state = if awaited == Awaited::Button { BoxState::Waiting } else { state };
-        self.show(screen, state, rig);
+        let is_button = awaited == Awaited::Button;
+        self.show(screen, if is_button { BoxState::Waiting } else { BoxState::Resting }, rig);
     }
 
     /// Holds the photos until the button is pressed.
@@ -197,7 +176,7 @@ impl<'a> Attended<'a> {
         };
         let others = self.incomplete.clone();
         let screen = self.recent_result(&hint, Screen::Waiting { photos, others });
-        self.show(self.or_stalled(screen), BoxState::Waiting, rig);
+        self.show(screen, BoxState::Waiting, rig);
         let reason = "press the button to restore the photos".to_owned();
         Turn::Hold { reason, awaited: Awaited::Button, until: None }
     }
@@ -222,7 +201,7 @@ impl<'a> Attended<'a> {
             Some((ended, at)) if self.is_recent(at) && self.mode == Mode::Shoot => ended,
             _ => BoxState::Ready,
         };
-        self.show(self.or_stalled(screen), state, rig);
+        self.show(screen, state, rig);
     }
 
     fn is_recent(&self, at: Moment) -> bool {
@@ -245,7 +224,10 @@ impl Schedule for Attended<'_> {
     fn turn(&mut self, asked: Question, rig: &mut dyn Restorer) -> Turn {
         let Question { waiting, is_ready, parts } = asked;
         self.incomplete = parts.describe_incomplete();
-        self.update_rounds();
+        if self.is_stalled() {
+            log::error!("the button and the lamps do not respond: relens ends, to be restarted");
+            return Turn::Stop;
+        }
         if let Some(turn) = self.serve_requests(waiting, rig) {
             return turn;
         }
@@ -302,7 +284,6 @@ impl Schedule for Attended<'_> {
                 self.ended = state.map(|state| (state, self.before.clock.now()));
             }
             Event::Held(error) => {
-                self.update_rounds();
                 if let Some(shooting) = &mut self.shooting {
                     shooting.reset();
                 }
@@ -310,19 +291,9 @@ impl Schedule for Attended<'_> {
                 let to_do = format!("{to_do} {TRY_AGAIN}");
                 self.show(Screen::Trouble { what, to_do }, BoxState::Trouble, rig);
             }
-            Event::KeptWaiting { .. } | Event::Pressed => {}
+            Event::Pressed => {}
         }
         self.inner.notify(event, rig);
-    }
-
-    fn unproven(&self) -> &[Delivered] {
-        self.inner.unproven()
-    }
-
-    fn attention(&self) -> Vec<Notice> {
-        let why = "their loop hangs or has ended; switch the box off and on".to_owned();
-        let stalled = self.is_stalled().then(|| Notice { what: STALLED.to_owned(), why });
-        stalled.into_iter().chain(self.inner.attention()).collect()
     }
 
     fn impatient(&self) -> bool {

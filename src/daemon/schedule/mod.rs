@@ -3,7 +3,6 @@
 pub(super) mod attended;
 pub(super) mod nightly;
 
-mod alarm;
 mod before_box;
 mod shooting;
 
@@ -65,28 +64,6 @@ pub enum Event<'a> {
     Held(&'a DaemonError),
     /// The button was pressed.
     Pressed,
-    /// Photos wait for a reason outside this schedule.
-    KeptWaiting {
-        /// Number of photos.
-        waiting: usize,
-        /// Reason.
-        why: &'a str,
-    },
-}
-
-/// A notice to the operator that does not hold the work.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Notice {
-    /// The problem: a sentence without its full stop.
-    pub what: String,
-    /// The reason, as far as known.
-    pub why: String,
-}
-
-impl std::fmt::Display for Notice {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "{}: {}", self.what, self.why)
-    }
 }
 
 /// Decides when photos are restored. Between photos a schedule may use the rig.
@@ -100,16 +77,6 @@ pub trait Schedule {
     /// Receives an event.
     fn notify(&mut self, event: Event<'_>, rig: &mut dyn Restorer) {
         let _ = (event, rig);
-    }
-
-    /// Photos that may still be withdrawn with [`Turn::Again`] and so must be kept.
-    fn unproven(&self) -> &[Delivered] {
-        &[]
-    }
-
-    /// Notices to the operator.
-    fn attention(&self) -> Vec<Notice> {
-        Vec::new()
     }
 
     /// Whether to scan at once and retry deferred photos; asked several times a second.

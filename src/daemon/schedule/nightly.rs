@@ -13,16 +13,12 @@
 
 use std::time::SystemTime;
 
-use super::alarm::{Alarm, Time};
-use super::{Event, Notice, Question, Schedule, Turn};
+use super::{Event, Question, Schedule, Turn};
 use crate::config::Nights;
 use crate::daemon::error::{CalibrationCause, DaemonError};
 use crate::daemon::job::JobEnd;
-use crate::daemon::store::companions::is_hidden;
 use crate::daemon::store::folders::Folders;
 use crate::daemon::store::night_record::NightRecord;
-use crate::daemon::store::pilots::{self, PilotEntry, PilotVerdict};
-use crate::daemon::store::report_file::Delivered;
 use crate::daemon::store::waiting::Awaited;
 use crate::daemon::store::withdraw::is_in_place;
 use crate::nights::pilot::Drift;
@@ -50,7 +46,7 @@ const CANCELLED: &str = "the rig has drifted, and measuring the lens was cancell
 /// back.
 const SLACK_S: f64 = 60.0;
 
-/// Sources of time and temperature.
+/// Sources of time.
 #[derive(Clone, Copy)]
 pub struct Times<'a> {
     /// The monotonic clock.
@@ -59,8 +55,6 @@ pub struct Times<'a> {
     pub calendar: &'a dyn Fn() -> SystemTime,
     /// Whether the network has set the calendar.
     pub is_set: &'a dyn Fn() -> bool,
-    /// Temperature of the board, °C, where it has a sensor.
-    pub temperature_c: &'a dyn Fn() -> Option<f64>,
 }
 
 impl Times<'_> {
@@ -87,9 +81,6 @@ pub struct Nightly<'a> {
     window: Window,
     times: Times<'a>,
     calendar: Calendar,
-    /// Trust in the calendar at the last reading.
-    trust: Trust,
-    alarm: Alarm,
     folders: Folders,
     record: NightRecord,
     night: Option<Night>,
@@ -101,6 +92,11 @@ pub struct Nightly<'a> {
     is_cancelled: bool,
     /// Since when no photo is ready.
     lull_since: Option<Moment>,
+}
+
+/// Holds photos within the hours, for `reason`.
+fn hold(awaited: Awaited, reason: &str, until: Option<Moment>) -> Option<Turn> {
+    Some(Turn::Hold { reason: reason.to_owned(), awaited, until })
 }
 
 fn help(failure: AnyFailure) -> Option<Turn> {
@@ -117,8 +113,6 @@ impl<'a> Nightly<'a> {
             window: Window::new(nights)?,
             times,
             calendar: Calendar::new(nights.clock, record.floor_unix_s),
-            trust: Trust::NotSet,
-            alarm: Alarm::new(times.clock.now(), &record),
             folders: folders.clone(),
             record,
             night: None,
@@ -136,79 +130,31 @@ impl<'a> Nightly<'a> {
     /// Saves the state that survives a reboot. Errors are logged only: a full disk is reported with
     /// the photos.
     fn save(&mut self) {
-        let (time, record) = (self.time(), &mut self.record);
-        record.floor_unix_s = self.calendar.floor_unix_s();
-        record.waiting_since_unix_s = self.alarm.since_unix_s(time, record.waiting_since_unix_s);
-        self.alarm.obstacle().clone_into(&mut record.obstacle);
-        if let Err(error) = record.save(&self.folders) {
+        self.record.floor_unix_s = self.calendar.floor_unix_s();
+        if let Err(error) = self.record.save(&self.folders) {
             log::debug!("cannot save the state of the night: {}", full_message(&error));
         }
     }
 
-    /// The clocks, as trusted at the last reading.
-    fn time(&self) -> Time {
-        let is_trusted = matches!(self.trust, Trust::Trusted { .. });
-        Time { now: self.now(), unix_s: is_trusted.then(|| self.times.unix_s()) }
-    }
-
-    /// Reads the calendar and updates the alarm with the number of photos `waiting`, if known.
-    fn update(&mut self, waiting: Option<usize>) {
-        let (now, unix_s) = (self.now(), self.times.unix_s());
-        self.trust = self.calendar.judge(unix_s, now.0, (self.times.is_set)());
-        if let Trust::Trusted { jumped_s: Some(jump) } = self.trust {
-            log::warn!("the clock was changed by {jump:+.0} s");
-        }
-        self.alarm.update(self.time(), waiting, &self.window);
-        self.save_alarm();
-    }
-
-    /// Saves the state when the alarm's has changed, and every hour while photos wait.
-    fn save_alarm(&mut self) {
-        let (record, time) = (&self.record, self.time());
-        let since = self.alarm.since_unix_s(time, record.waiting_since_unix_s);
-        let is_old = self.calendar.floor_unix_s() - record.floor_unix_s >= 3600.0;
-        if since.is_some() != record.waiting_since_unix_s.is_some()
-            || self.alarm.obstacle() != record.obstacle
-            || since.is_some() && is_old
-        {
-            self.save();
-        }
-    }
-
-    /// Notes the reason why photos are not restored, for the alarm.
-    fn set_obstacle(&mut self, why: &str) {
-        self.alarm.set_obstacle(self.now(), why);
-        self.save_alarm();
-    }
-
-    /// Updates the alarm while the rig cannot be opened, for the reason `why`.
-    pub fn set_rig_unavailable(&mut self, why: &str) {
-        let found = self.folders.files().list(self.folders.inbox());
-        self.update(found.ok().map(|found| found.iter().filter(|(n, _)| !is_hidden(n)).count()));
-        self.set_obstacle(why);
-    }
-
-    /// Holds photos within the hours, for `reason`.
-    fn hold(&mut self, awaited: Awaited, reason: &str, until: Option<Moment>) -> Option<Turn> {
-        self.set_obstacle(reason);
-        Some(Turn::Hold { reason: reason.to_owned(), awaited, until })
-    }
-
     /// Begins or ends the night by the hours; `None` when photos may be restored at this hour.
     fn hours(&mut self, rig: &mut dyn Restorer) -> Option<Turn> {
-        let now = self.now();
-        let unknown = match self.trust {
-            Trust::Trusted { .. } => None,
+        let (now, unix_s) = (self.now(), self.times.unix_s());
+        let unknown = match self.calendar.judge(unix_s, now.0, (self.times.is_set)()) {
+            Trust::Trusted { jumped_s } => {
+                let _ =
+                    jumped_s.inspect(|jump| log::warn!("the clock was changed by {jump:+.0} s"));
+                None
+            }
             Trust::NotSet => Some("no network has set the clock yet"),
             Trust::Past { .. } => Some("the clock shows a time in the past"),
         };
         if let Some(why) = unknown {
             self.night = None;
-            return self.hold(Awaited::Window, &format!("the time is unknown: {why}"), None);
+            return hold(Awaited::Window, &format!("the time is unknown: {why}"), None);
         }
         let ends = self.night.as_ref().and_then(|night| night.ends);
         let over = ends.is_some_and(|end| now.0 > end.0 + SLACK_S);
-        match self.window.at(self.times.unix_s()) {
+        match self.window.at(unix_s) {
             Hours::Closed { opens_in_s, words } => {
                 self.is_over = false;
                 let until = Some(Moment(now.0 + opens_in_s));
@@ -219,7 +165,7 @@ impl<'a> Nightly<'a> {
                 self.is_over = true;
                 let turn = self.end(rig);
                 let reason = "the night is over, though the clock was set back";
-                turn.or_else(|| self.hold(Awaited::Window, reason, None))
+                turn.or_else(|| hold(Awaited::Window, reason, None))
             }
             Hours::Open { remaining_s } => {
                 if self.night.is_none() {
@@ -248,15 +194,6 @@ impl<'a> Nightly<'a> {
         turn
     }
 
-    fn log_pilot(&self, drift: Drift, verdict: PilotVerdict) {
-        let temperature_c = (self.times.temperature_c)();
-        let unix_s = self.times.unix_s() as u64;
-        let entry = PilotEntry { unix_s, drift, verdict, temperature_c };
-        if let Err(error) = pilots::add(&self.folders, entry) {
-            log::debug!("cannot log the pilot: {}", full_message(&error));
-        }
-    }
-
     /// Shows a pilot and acts on it; `None` when photos may be restored.
     fn prove(&mut self, rig: &mut dyn Restorer) -> Option<Turn> {
         match rig.pilot() {
@@ -269,11 +206,10 @@ impl<'a> Nightly<'a> {
 
     fn judge(&mut self, drift: Drift, rig: &mut dyn Restorer) -> Option<Turn> {
         let Some(complaint) = drift.complaint() else {
-            self.log_pilot(drift, PilotVerdict::Good);
+            log::debug!("pilot: {drift:?}");
             self.calibrations = 0;
             return self.good();
         };
-        self.log_pilot(drift, PilotVerdict::Drifted);
         if let Some(night) = &mut self.night {
             night.drifted = true;
         }
@@ -290,7 +226,7 @@ impl<'a> Nightly<'a> {
                 log::info!("measuring the lens was cancelled: photos wait for the button");
                 self.is_cancelled = true;
                 self.calibrations -= 1;
-                return self.hold(Awaited::Button, CANCELLED, None);
+                return hold(Awaited::Button, CANCELLED, None);
             }
             let cause = CalibrationCause::Drifted(complaint);
             return Some(Turn::Help(DaemonError::Calibration { cause, failure }));
@@ -326,8 +262,7 @@ impl<'a> Nightly<'a> {
         if !remaining.is_empty() {
             return Some(Turn::Again(remaining));
         }
-        let NightRecord { waiting_since_unix_s, .. } = self.record;
-        self.record = NightRecord { waiting_since_unix_s, ..NightRecord::default() };
+        self.record = NightRecord::default();
         self.save();
         None
     }
@@ -340,7 +275,7 @@ impl<'a> Nightly<'a> {
         night.warm_up.as_ref()?;
         if now.0 < night.next_pilot.0 {
             let until = Some(night.next_pilot);
-            return self.hold(Awaited::Rig, REASON, until);
+            return hold(Awaited::Rig, REASON, until);
         }
         let drift = match rig.pilot() {
             Ok(Some(drift)) => drift,
@@ -355,8 +290,7 @@ impl<'a> Nightly<'a> {
         if warmth == Warmth::Warming {
             let until = Moment(now.0 + WARM_UP_STEP_S);
             night.next_pilot = until;
-            self.log_pilot(drift, PilotVerdict::Warming);
-            return self.hold(Awaited::Rig, REASON, Some(until));
+            return hold(Awaited::Rig, REASON, Some(until));
         }
         night.warm_up = None;
         if warmth == Warmth::OutOfTime {
@@ -380,10 +314,9 @@ impl<'a> Nightly<'a> {
 
 impl Schedule for Nightly<'_> {
     fn turn(&mut self, asked: Question, rig: &mut dyn Restorer) -> Turn {
-        self.update(Some(asked.waiting));
         let mut turn = self.continue_withdrawal().or_else(|| self.hours(rig));
         if self.is_cancelled {
-            turn = turn.or_else(|| self.hold(Awaited::Button, CANCELLED, None));
+            turn = turn.or_else(|| hold(Awaited::Button, CANCELLED, None));
         }
         if asked.is_ready {
             self.lull_since = None;
@@ -401,39 +334,15 @@ impl Schedule for Nightly<'_> {
 
     fn notify(&mut self, event: Event<'_>, _: &mut dyn Restorer) {
         match event {
-            Event::Begun { .. } | Event::Ended(JobEnd::Gone) => {}
             Event::Pressed => self.is_cancelled = false,
-            Event::Ended(JobEnd::Deferred { failed, .. }) => self.set_obstacle(&failed.reason),
-            Event::Ended(JobEnd::Failed(_)) => {
-                self.alarm.restart(self.now());
-                self.save();
-            }
             Event::Ended(JobEnd::Done { delivered, .. }) => {
-                self.alarm.restart(self.now());
                 self.record.unproven.push(delivered.clone());
                 if let Some(night) = &mut self.night {
                     night.photos += 1;
                 }
                 self.save();
             }
-            Event::Held(error) => {
-                self.update(None);
-                self.set_obstacle(&full_message(error));
-            }
-            Event::KeptWaiting { waiting, why } => {
-                self.update(Some(waiting));
-                if waiting > 0 {
-                    self.set_obstacle(why);
-                }
-            }
+            _ => {}
         }
-    }
-
-    fn unproven(&self) -> &[Delivered] {
-        &self.record.unproven
-    }
-
-    fn attention(&self) -> Vec<Notice> {
-        self.alarm.missed().cloned().into_iter().collect()
     }
 }

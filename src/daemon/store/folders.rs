@@ -101,7 +101,7 @@ impl Folders {
     ///
     /// # Errors
     /// [`FolderError::Full`].
-    pub(super) fn check_free_space(&self, floor_bytes: u64) -> Result<(), FolderError> {
+    pub(crate) fn check_free_space(&self, floor_bytes: u64) -> Result<(), FolderError> {
         const MIB: u64 = 1 << 20;
         for folder in [&self.outbox, &self.working] {
             match self.files.free_bytes(folder) {

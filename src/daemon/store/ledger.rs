@@ -83,12 +83,6 @@ impl Ledger {
         Ok(())
     }
 
-    /// Result names reserved by photos under way.
-    pub(super) fn reserved(folders: &Folders) -> Result<Vec<OsString>, FileError> {
-        let results = entries(folders)?.into_iter().filter_map(|(_, entry)| entry?.result);
-        Ok(results.map(OsString::from_vec).collect())
-    }
-
     /// Attempts begun so far.
     pub(crate) fn attempts(&self) -> u32 {
         self.entry.attempts

@@ -58,10 +58,6 @@ impl PictureNames {
         let full_size = [&before, &after].map(|preview| full_size_address(preview));
         PictureNames { thumbnail: thumbnail_address(&after), full_size, before, after }
     }
-
-    pub(super) fn all(self) -> impl Iterator<Item = String> {
-        [self.before, self.after, self.thumbnail].into_iter().chain(self.full_size)
-    }
 }
 
 /// Address of the thumbnail beside the preview `after` of a result.

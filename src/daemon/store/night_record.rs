@@ -21,10 +21,6 @@ pub(crate) struct NightRecord {
     pub(crate) must_repeat: bool,
     /// Whether they are being put back into the inbox.
     pub(crate) is_withdrawing: bool,
-    /// Since when photos wait without one being restored; `None` when none wait.
-    pub(crate) waiting_since_unix_s: Option<f64>,
-    /// The last obstacle to restoring them; empty without one.
-    pub(crate) obstacle: String,
 }
 
 impl NightRecord {

@@ -67,8 +67,7 @@ fn after_cancelling_a_calibration_the_box_waits_for_the_button() {
     let pilots = RefCell::new(vec![0.0, 0.0, 0.0, 4.0, 4.0]);
     let noon = UNIX_EPOCH + Duration::from_secs(1_768_042_800);
     let calendar = || noon + Duration::from_secs_f64(35_400.0 + clock.0.get());
-    let times =
-        Times { clock: &clock, calendar: &calendar, is_set: &|| true, temperature_c: &|| None };
+    let times = Times { clock: &clock, calendar: &calendar, is_set: &|| true };
     let folders = Folders::open(root.path()).unwrap();
     let inner = Nightly::new(&nights("22:00-06:00"), &folders, times).unwrap();
     let front = FrontPanel::default();

@@ -1,8 +1,6 @@
 //! Nights on the small simulated rig: drift is detected by captures alone and corrected.
 
 mod given_up;
-mod missed;
-mod shut_out;
 
 use std::cell::{Cell, RefCell};
 use std::path::{Path, PathBuf};
@@ -216,8 +214,7 @@ fn live(night: Night<'_>) -> Lived {
     let noon = UNIX_EPOCH + Duration::from_secs(1_768_042_800);
     let calendar = || noon + Duration::from_secs_f64(begins_s + clock.0.get());
     let set = || is_set;
-    let times =
-        Times { clock: &clock, calendar: &calendar, is_set: &set, temperature_c: &|| Some(40.0) };
+    let times = Times { clock: &clock, calendar: &calendar, is_set: &set };
     let folders = Folders::open(root).unwrap();
     let schedule = Nightly::new(&nights, &folders, times).unwrap();
     let mut restorer = Scripted { pilots: &pilots, log: &log, clock: &clock, photo_s };
