@@ -12,8 +12,7 @@ use crate::frame::{
 
 use super::decode::{Limits, Raster, decode};
 use super::dng::Sites;
-use super::kind::{Content, Format, is_raw_name, misnamed, tiff_of_a_camera};
-use super::metadata::Lost;
+use super::kind::{Format, is_raw_name, misnamed, tiff_of_a_camera};
 use super::reading::{open, read_bytes};
 use super::{
     CameraColours, Flaw, Orientation, PhotoCamera, PictureError, PixelLayout, Tone, shape, tone,
@@ -93,8 +92,7 @@ pub struct Photo {
     pub stored: Size,
     /// Its file.
     pub file: FileFacts,
-    /// Notes on what a result lacks of the file: pixels, metadata. They do not hold where the file
-    /// itself is returned.
+    /// Notes on pixels that a result lacks. They do not hold where the file itself is returned.
     pub losses: Vec<String>,
     /// Further notes on the file, for the report.
     pub notes: Vec<String>,
@@ -147,17 +145,14 @@ impl Photo {
         // A maker's raw photo has another sentence than that on its preview's shape.
         let grid = limits.grid.filter(|_| !is_raw_name(name));
         let raster = decode(bytes, &Limits { grid, ..*limits }).map_err(refused)?;
-        let is_tiff = raster.content == Content::Written(Format::Tiff);
+        let is_tiff = raster.format == Format::Tiff;
         if is_tiff && raster.sites.is_none() && is_raw_name(name) {
             return Err(refused(tiff_of_a_camera()));
         }
-        let format = match raster.content {
-            Content::Written(format) if raster.sites.is_none() => Some(format),
-            _ => None,
-        };
+        let format = raster.sites.is_none().then_some(raster.format);
         let (crc32, length) = (crc32fast::hash(bytes), bytes.len() as u64);
         let file = FileFacts { crc32, bytes: length, format };
-        let misnamed = misnamed(name, raster.content, raster.sites.is_some());
+        let misnamed = misnamed(name, raster.format, raster.sites.is_some());
         let mut photo = match raster.sites {
             Some(sites) => Photo::of_sites(name, raster, &sites, curve, file),
             None => Photo::of_samples(name, raster, curve, file),
@@ -170,7 +165,7 @@ impl Photo {
     fn of_sites(name: &str, raster: Raster, sites: &Sites, curve: Curve, file: FileFacts) -> Photo {
         let known = RawSites::new(sites.mosaic, sites.counts_per_level());
         let raw = RawSites { noise: raster.noise, ..known };
-        let plain = Manner::plain(raster.content.written(), raster.bits, curve);
+        let plain = Manner::plain(raster.format, raster.bits, curve);
         // Viewers take a picture without a profile for sRGB.
         let icc = (curve == Curve::Linear).then(tone::linear_profile).flatten();
         let colours = raster.colours;
@@ -190,7 +185,7 @@ impl Photo {
             },
             stored: raster.size,
             file,
-            losses: raster.lost.into_iter().map(Lost::note).collect(),
+            losses: Vec::new(),
             notes: Vec::new(),
         }
     }
@@ -211,8 +206,7 @@ impl Photo {
             // The result is upright.
             let _ = Orientation::remove_from_exif_chunk(exif);
         }
-        let Raster { content, layout, bits, orientation, icc, exif, coding, lost, .. } = raster;
-        let format = content.written();
+        let Raster { format, layout, bits, orientation, icc, exif, coding, .. } = raster;
         Photo {
             name: name.to_owned(),
             light,
@@ -233,7 +227,7 @@ impl Photo {
             },
             stored: size,
             file,
-            losses: lost.into_iter().map(Lost::note).collect(),
+            losses: Vec::new(),
             notes,
         }
     }
@@ -326,9 +320,6 @@ impl Photo {
     pub fn report_notes(&self, result: Option<Format>) -> Vec<String> {
         let Some(format) = result else { return self.notes.clone() };
         let mut notes = self.losses.clone();
-        if self.file.format.is_none() && self.raw.is_none() {
-            notes.push(format!("a photo of this kind comes back as {}", format.name()));
-        }
         if self.manner.alpha.is_some() && format == Format::Jpeg {
             notes.push("not in the result: transparency, which a JPEG cannot hold".to_owned());
         }
