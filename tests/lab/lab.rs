@@ -5,6 +5,7 @@
 mod appearance;
 mod capture_sharpening;
 mod change;
+mod chart;
 mod colour;
 mod colour_crops;
 mod conditions;

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use relens::chart::drawing::Drawing;
+use crate::chart::drawing::Drawing;
 use relens::chart::table::Table;
 use relens::frame::Plane;
 
