@@ -20,6 +20,4 @@ pub use noise::{BlockNoise, Passed};
 pub use search::{Groups, Search};
 
 #[cfg(test)]
-mod plain;
-#[cfg(test)]
 mod tests;

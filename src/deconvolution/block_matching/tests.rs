@@ -1,5 +1,7 @@
 //! The filter against its reference implementation, and its properties.
 
+mod plain;
+
 use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 use rand_xoshiro::Xoshiro256PlusPlus;

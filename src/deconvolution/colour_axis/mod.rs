@@ -124,6 +124,4 @@ impl AxisMap {
 }
 
 #[cfg(test)]
-mod plain;
-#[cfg(test)]
 mod tests;

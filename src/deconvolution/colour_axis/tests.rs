@@ -1,5 +1,7 @@
 //! Colour axes and projection, and the shrinkage against its reference implementation.
 
+mod plain;
+
 use super::*;
 use crate::deconvolution::lens_model::LensFunctions;
 use crate::frame::{Channel, Size};

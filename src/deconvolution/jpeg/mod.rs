@@ -23,8 +23,6 @@ mod history;
 mod interval;
 mod luma;
 #[cfg(test)]
-mod plain;
-#[cfg(test)]
 mod tests;
 
 use rayon::prelude::*;

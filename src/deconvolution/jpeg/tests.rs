@@ -1,5 +1,7 @@
 //! The term against its plain form, its descent, and what tells a JPEG of a JPEG.
 
+mod plain;
+
 use super::luma::draw_band;
 use super::*;
 use crate::frame::BLOCK_PX;

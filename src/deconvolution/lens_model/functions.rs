@@ -2,8 +2,19 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::LensModelError;
 use crate::frame::Channel;
+use crate::remedy::{Remediable, Remedy};
+
+/// Why functions do not make a lens model: what was found, and what is allowed.
+#[derive(Debug, thiserror::Error)]
+#[error("the lens model {0}")]
+pub struct LensModelError(pub(super) String);
+
+impl Remediable for LensModelError {
+    fn remedy(&self) -> Remedy {
+        Remedy::Recalibrate
+    }
+}
 
 /// A grid of point spread functions per channel.
 ///
@@ -62,26 +73,31 @@ impl LensFunctions {
     /// # Errors
     /// The first mismatch.
     pub fn check(&self) -> Result<(), LensModelError> {
-        if self.rows == 0 || self.columns == 0 {
-            return Err(LensModelError::NoFunctions { rows: self.rows, columns: self.columns });
+        let &LensFunctions { rows, columns, support_px, .. } = self;
+        let refused = |found: String| Err(LensModelError(found));
+        if rows == 0 || columns == 0 {
+            return refused(format!(
+                "has {rows} rows of {columns} functions; at least one of one is allowed"
+            ));
         }
-        if self.support_px.is_multiple_of(2) {
-            return Err(LensModelError::Support { found: self.support_px });
+        if support_px.is_multiple_of(2) {
+            return refused(format!("has functions {support_px} px wide; an odd width is allowed"));
         }
-        let factors = [self.rows, self.columns, self.support_px, self.support_px];
         // Sizes come from a file; an overflow must not wrap to a valid number.
-        let wanted = factors.into_iter().fold(1, usize::saturating_mul);
+        let wanted =
+            [rows, columns, support_px, support_px].into_iter().fold(1, usize::saturating_mul);
         for channel in Channel::ALL {
-            let taps = &self.taps[channel.index()];
+            let (taps, name) = (&self.taps[channel.index()], channel.name());
             if taps.len() != wanted {
-                return Err(LensModelError::Taps {
-                    channel: channel.name(),
-                    found: taps.len(),
-                    wanted,
-                });
+                return refused(format!(
+                    "has {} taps in {name}; {wanted} make its grid",
+                    taps.len()
+                ));
             }
             if let Some(place) = taps.iter().position(|t| !t.is_finite()) {
-                return Err(LensModelError::NotFinite { channel: channel.name(), place });
+                return refused(format!(
+                    "has tap {place} in {name} not finite; finite numbers are allowed"
+                ));
             }
         }
         Ok(())

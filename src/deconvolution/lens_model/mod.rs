@@ -15,17 +15,14 @@ mod halves;
 mod interpolation;
 mod inverse;
 mod lanes;
-#[cfg(test)]
-mod plain;
 mod taps;
 
 pub use broad::{Beyond, Halo};
-pub use functions::LensFunctions;
+pub use functions::{LensFunctions, LensModelError};
 pub use inverse::{Density, LocalInverse};
 
 use crate::frame::instructions::run_fastest;
 use crate::frame::{Channel, Frame, Plane, Size, Work};
-use crate::remedy::{Remediable, Remedy};
 use broad::Broad;
 use cells::{Cells, Spectrum};
 use fast::{Adjoint, Forward, Workspace};
@@ -33,66 +30,6 @@ use interpolation::Interpolation;
 use rayon::prelude::*;
 use std::sync::{Mutex, PoisonError};
 use taps::Correlate;
-
-/// Why functions do not make a lens model.
-#[derive(Debug, thiserror::Error)]
-pub enum LensModelError {
-    /// The grid is empty.
-    #[error(
-        "the lens model has {rows} rows of {columns} functions; at least one of one is allowed"
-    )]
-    NoFunctions {
-        /// Rows found.
-        rows: usize,
-        /// Columns found.
-        columns: usize,
-    },
-    /// The support is even.
-    #[error("the lens model's functions are {found} px wide; an odd width is allowed")]
-    Support {
-        /// Width found.
-        found: usize,
-    },
-    /// The number of taps does not match the grid.
-    #[error("the lens model has {found} taps in {channel}; {wanted} make its grid")]
-    Taps {
-        /// Channel.
-        channel: &'static str,
-        /// Number found.
-        found: usize,
-        /// Number that fits the grid.
-        wanted: usize,
-    },
-    /// A tap is not finite.
-    #[error("tap {place} of the lens model in {channel} is not finite; finite numbers are allowed")]
-    NotFinite {
-        /// Channel.
-        channel: &'static str,
-        /// Index of the tap.
-        place: usize,
-    },
-    /// The broad light is invalid.
-    #[error("{found}")]
-    Broad {
-        /// What is wrong with it.
-        found: String,
-    },
-    /// The photo has no pixels.
-    #[error("the photo of the lens model has {found} pixels; at least 1×1 is allowed")]
-    Empty {
-        /// Photo size found.
-        found: Size,
-    },
-}
-
-impl Remediable for LensModelError {
-    fn remedy(&self) -> Remedy {
-        match self {
-            LensModelError::Empty { .. } => Remedy::CallOperator,
-            _ => Remedy::Recalibrate,
-        }
-    }
-}
 
 /// The operator K of one rig on its canvas, and Kᵀ.
 #[derive(Debug, Clone)]
@@ -140,7 +77,8 @@ impl LensModel {
     ) -> Result<Self, LensModelError> {
         functions.check()?;
         if photo.area() == 0 {
-            return Err(LensModelError::Empty { found: photo });
+            let found = format!("is for a photo of {photo} pixels; at least 1×1 is allowed");
+            return Err(LensModelError(found));
         }
         let along_x = Interpolation::new(photo.width, margin_px, functions.columns);
         let along_y = Interpolation::new(photo.height, margin_px, functions.rows);
@@ -166,7 +104,7 @@ impl LensModel {
         beyond: Beyond,
     ) -> Result<Self, LensModelError> {
         for (broad, halos) in self.broad.iter_mut().zip(halos) {
-            broad::check_halos(halos).map_err(|found| LensModelError::Broad { found })?;
+            broad::check_halos(halos).map_err(|found| LensModelError(format!("has {found}")))?;
             *broad = Broad::new(self.canvas, halos, beyond);
         }
         Ok(self)

@@ -3,7 +3,7 @@
 
 use std::f64::consts::PI;
 
-use super::{Stated, curve::CodeCurve};
+use super::super::{Stated, curve::CodeCurve};
 use crate::frame::{Channel, CodedComponent, Frame, Plane, Work};
 
 const M: [[f64; 3]; 3] =
@@ -37,7 +37,7 @@ fn sample(
     sum
 }
 
-/// B̃ of `seen`, as [`super::JpegTerm::redecoded`], of a colour photo of which `about` is the light
+/// B̃ of `seen`, as [`super::super::JpegTerm::redecoded`], of a colour photo; `about` has the light
 /// about each pixel.
 pub(super) fn redecoded(stated: &Stated<'_>, about: &[Plane], seen: &Frame<Work>) -> Frame<Work> {
     let (rect, coding) = (stated.rect, stated.coding);

@@ -1,7 +1,7 @@
 //! Reference implementation of the lens model, as sums over pixels and taps, for tests.
 
-use super::LensFunctions;
-use super::interpolation::Interpolation;
+use super::super::LensFunctions;
+use super::super::interpolation::Interpolation;
 use crate::frame::{Channel, Plane, Size};
 
 /// A grid of functions with its interpolation over the canvas.

@@ -1,9 +1,9 @@
 //! Reference implementation of the filter in double precision, for tests.
 
-use super::filter::{LEAST, window};
-use super::noise::BlockNoise;
-use super::search::{Search, floor_power_of_two, grid};
-use super::transform::{SIDE, basis};
+use super::super::filter::{LEAST, window};
+use super::super::noise::BlockNoise;
+use super::super::search::{Search, floor_power_of_two, grid};
+use super::super::transform::{SIDE, basis};
 use crate::frame::Plane;
 
 type Cube = Vec<f64>;
