@@ -51,7 +51,6 @@ pub fn open_panel(
         connector: device.connector.clone(),
         size: panel.size(),
         refresh_hz: panel.refresh_hz,
-        legacy: false,
     })?))
 }
 

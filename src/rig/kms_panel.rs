@@ -10,15 +10,15 @@ use std::path::PathBuf;
 use drm::Device as _;
 use drm::buffer::{Buffer as _, DrmFourcc};
 use drm::control::{
-    AtomicCommitFlags, Device as _, Event, Mode, PageFlipFlags, atomic::AtomicModeReq, connector,
-    crtc, dumbbuffer::DumbBuffer, framebuffer, property,
+    AtomicCommitFlags, Device as _, Event, Mode, atomic::AtomicModeReq, connector, crtc,
+    dumbbuffer::DumbBuffer, framebuffer, property,
 };
 use rustix::event::{PollFd, PollFlags, poll};
 use rustix::io::Errno;
 
 use super::display_link::{ConnectorState, Display, Link, unplugged};
 use super::kms_card::{Card, commit_failed, failed};
-use super::modeset::{Pipe, darken, light_up, light_up_legacy};
+use super::modeset::{Pipe, darken, light_up};
 use super::monotonic::{Monotonic, remaining_until};
 use super::{Clock, Flip, Moment, Panel, RigError};
 use crate::frame::{Codes, Size};
@@ -43,8 +43,6 @@ pub struct KmsSettings {
     pub size: Size,
     /// Refresh rate.
     pub refresh_hz: f64,
-    /// Whether to avoid the driver's atomic interface.
-    pub legacy: bool,
 }
 
 struct PictureBuffer {
@@ -58,8 +56,8 @@ pub struct KmsPanel {
     settings: KmsSettings,
     pipe: Pipe,
     mode: Mode,
-    /// The plane's FB_ID; `None` with the legacy interface.
-    picture_property: Option<property::Handle>,
+    /// The plane's FB_ID.
+    picture_property: property::Handle,
     buffers: [PictureBuffer; 2],
     /// Index of the buffer shown or requested last.
     front: usize,
@@ -82,20 +80,19 @@ impl KmsPanel {
         if card.acquire_master_lock().is_err() {
             return Err(commit_failed(Errno::ACCESS.into()));
         }
-        // Primary planes are listed only with this capability.
-        let planes =
-            card.set_client_capability(drm::ClientCapability::UniversalPlanes, true).is_ok();
-        let atomic = planes
-            && !settings.legacy
-            && card.set_client_capability(drm::ClientCapability::Atomic, true).is_ok();
+        // Primary planes are listed only with the first.
+        for capability in [drm::ClientCapability::UniversalPlanes, drm::ClientCapability::Atomic] {
+            card.set_client_capability(capability, true).map_err(|_| RigError::Refused {
+                device: "panel",
+                found: "a display driver without atomic mode setting".to_owned(),
+                allowed: "one with it, as of every current graphics chip".to_owned(),
+            })?;
+        }
         let connector = card.connector(&settings.connector, true)?;
         plugged_in(&connector)?;
         let mode = find_mode(&connector, &settings)?;
         let pipe = find_pipe(&card, &connector)?;
-        let picture_property = match atomic {
-            true => Some(card.properties(pipe.plane)?.handle("FB_ID")?),
-            false => None,
-        };
+        let picture_property = card.properties(pipe.plane)?.handle("FB_ID")?;
         let before = card.get_crtc(pipe.crtc).ok();
         let buffers = [new_buffer(&card, settings.size)?, new_buffer(&card, settings.size)?];
         let row = vec![0; settings.size.width * 4];
@@ -121,11 +118,6 @@ impl KmsPanel {
     /// Refresh interval in seconds, as measured when the panel was opened.
     pub fn interval_s(&self) -> f64 {
         self.interval_s
-    }
-
-    /// Whether the atomic interface is in use.
-    pub fn is_atomic(&self) -> bool {
-        self.picture_property.is_some()
     }
 
     /// Checks cable and link, and sets the mode again after a loss.
@@ -176,21 +168,14 @@ impl KmsPanel {
 
     fn request_flip(&mut self, buffer: usize) -> Result<(), RigError> {
         let picture = self.buffers[buffer].picture;
-        let asked = match self.picture_property {
-            Some(name) => {
-                let mut request = AtomicModeReq::new();
-                request.add_property(
-                    self.pipe.plane,
-                    name,
-                    property::Value::Framebuffer(Some(picture)),
-                );
-                self.card.atomic_commit(
-                    AtomicCommitFlags::NONBLOCK | AtomicCommitFlags::PAGE_FLIP_EVENT,
-                    request,
-                )
-            }
-            None => self.card.page_flip(self.pipe.crtc, picture, PageFlipFlags::EVENT, None),
-        };
+        let mut request = AtomicModeReq::new();
+        request.add_property(
+            self.pipe.plane,
+            self.picture_property,
+            property::Value::Framebuffer(Some(picture)),
+        );
+        let flags = AtomicCommitFlags::NONBLOCK | AtomicCommitFlags::PAGE_FLIP_EVENT;
+        let asked = self.card.atomic_commit(flags, request);
         match asked {
             Ok(()) => {
                 self.front = buffer;
@@ -291,20 +276,12 @@ impl Display for KmsPanel {
     }
 
     fn darken(&mut self) -> Result<(), RigError> {
-        match self.picture_property {
-            Some(_) => darken(&self.card, self.pipe),
-            None => {
-                self.card.set_crtc(self.pipe.crtc, None, (0, 0), &[], None).map_err(commit_failed)
-            }
-        }
+        darken(&self.card, self.pipe)
     }
 
     fn light(&mut self) -> Result<(), RigError> {
         let picture = self.buffers[self.front].picture;
-        match self.picture_property {
-            Some(_) => light_up(&self.card, self.pipe, &self.mode, picture),
-            None => light_up_legacy(&self.card, self.pipe, &self.mode, picture),
-        }
+        light_up(&self.card, self.pipe, &self.mode, picture)
     }
 }
 

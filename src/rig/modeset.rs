@@ -52,35 +52,31 @@ pub(super) struct Pipe {
     pub(super) plane: plane::Handle,
 }
 
-/// A request under construction, with the property values to confirm afterwards.
-struct Asked<'a> {
-    request: &'a mut AtomicModeReq,
-    checks: Vec<(&'static str, u64)>,
-}
-
-impl Asked<'_> {
-    fn add<T: ResourceHandle>(
-        &mut self,
-        object: T,
-        has: &Properties,
-        wanted: &[(&'static str, Wanted)],
-    ) {
-        for (name, want) in wanted {
-            let Some((info, _)) = has.get(name) else { continue };
-            let value = match want {
-                Wanted::Choice(word) => choice_value(info, word),
-                Wanted::NoTable => Some(0),
-                Wanted::Number(number) => Some(match info.value_type() {
-                    property::ValueType::UnsignedRange(low, high) => (*number).clamp(*low, *high),
-                    _ => *number,
-                }),
-            };
-            if let (Some(value), true) = (value, info.mutable()) {
-                self.request.add_raw_property(object.into(), info.handle(), value);
-                self.checks.push((name, value));
-            }
+/// Adds to `request` those of the `wanted` properties that `object` has; returns the values to
+/// confirm afterwards.
+fn ask<T: ResourceHandle>(
+    request: &mut AtomicModeReq,
+    object: T,
+    has: &Properties,
+    wanted: &[(&'static str, Wanted)],
+) -> Vec<(&'static str, u64)> {
+    let mut checks = Vec::new();
+    for (name, want) in wanted {
+        let Some((info, _)) = has.get(name) else { continue };
+        let value = match want {
+            Wanted::Choice(word) => choice_value(info, word),
+            Wanted::NoTable => Some(0),
+            Wanted::Number(number) => Some(match info.value_type() {
+                property::ValueType::UnsignedRange(low, high) => (*number).clamp(*low, *high),
+                _ => *number,
+            }),
+        };
+        if let (Some(value), true) = (value, info.mutable()) {
+            request.add_raw_property(object.into(), info.handle(), value);
+            checks.push((*name, value));
         }
     }
+    checks
 }
 
 /// Checks that the properties `has` hold their values.
@@ -151,15 +147,10 @@ pub(super) fn light_up(
     {
         request.add_raw_property(pipe.connector.into(), info.handle(), good);
     }
-    let mut connector = Asked { request: &mut request, checks: Vec::new() };
-    connector.add(pipe.connector, &on_connector, &CONNECTOR);
-    let connector = connector.checks;
-    let mut crtc = Asked { request: &mut request, checks: Vec::new() };
-    crtc.add(pipe.crtc, &on_crtc, &CRTC);
-    let crtc = crtc.checks;
-    let mut plane = Asked { request: &mut request, checks: geometry };
-    plane.add(pipe.plane, &on_plane, &PLANE);
-    let plane = plane.checks;
+    let connector = ask(&mut request, pipe.connector, &on_connector, &CONNECTOR);
+    let crtc = ask(&mut request, pipe.crtc, &on_crtc, &CRTC);
+    let mut plane = ask(&mut request, pipe.plane, &on_plane, &PLANE);
+    plane.extend(geometry);
 
     let outcome = card.atomic_commit(AtomicCommitFlags::ALLOW_MODESET, request);
     if let property::Value::Blob(id) = blob {
@@ -170,54 +161,4 @@ pub(super) fn light_up(
     confirm(&card.properties(pipe.connector)?, &connector)?;
     confirm(&card.properties(pipe.crtc)?, &crtc)?;
     confirm(&card.properties(pipe.plane)?, &plane)
-}
-
-/// [`light_up`] through the legacy interface: mode by `SETCRTC`, properties one by one, and a
-/// straight gamma ramp where the driver has no property for it.
-///
-/// # Errors
-/// As [`light_up`].
-pub(super) fn light_up_legacy(
-    card: &Card,
-    pipe: Pipe,
-    mode: &Mode,
-    picture: framebuffer::Handle,
-) -> Result<(), RigError> {
-    card.set_crtc(pipe.crtc, Some(picture), (0, 0), &[pipe.connector], Some(*mode))
-        .map_err(commit_failed)?;
-    set_one_by_one(card, pipe.connector, &CONNECTOR)?;
-    set_one_by_one(card, pipe.crtc, &CRTC)?;
-    set_one_by_one(card, pipe.plane, &PLANE)?;
-    if card.properties(pipe.crtc)?.get("GAMMA_LUT").is_some() {
-        return Ok(());
-    }
-    let steps =
-        card.get_crtc(pipe.crtc).map_err(failed("ask the gamma ramp"))?.gamma_length() as usize;
-    if steps > 1 {
-        let ramp: Vec<u16> = (0..steps).map(|n| (n * 65535 / (steps - 1)) as u16).collect();
-        card.set_gamma(pipe.crtc, &ramp, &ramp, &ramp)
-            .map_err(failed("straighten the gamma ramp"))?;
-    }
-    Ok(())
-}
-
-/// Sets those of the `wanted` properties that `object` has, and reads them back.
-fn set_one_by_one<T: ResourceHandle>(
-    card: &Card,
-    object: T,
-    wanted: &[(&'static str, Wanted)],
-) -> Result<(), RigError> {
-    let has = card.properties(object)?;
-    let mut unused = AtomicModeReq::new();
-    let mut asked = Asked { request: &mut unused, checks: Vec::new() };
-    asked.add(object, &has, wanted);
-    let checks = asked.checks;
-    for &(name, value) in &checks {
-        // Setting an unchanged value may cost a refresh or flicker.
-        if has.get(name).is_some_and(|(_, found)| found != value) {
-            card.set_property(object, has.handle(name)?, value)
-                .map_err(failed("set a property"))?;
-        }
-    }
-    confirm(&card.properties(object)?, &checks)
 }

@@ -44,14 +44,13 @@ fn opened_as(config: config::RigFile) -> (Devices, config::RigFile) {
 }
 
 /// The panel alone.
-fn panel_of(config: &config::RigFile, legacy: bool) -> KmsPanel {
+fn panel_of(config: &config::RigFile) -> KmsPanel {
     let Kind::Hardware(hardware) = &config.kind else { panic!("a rig of devices") };
     let settings = KmsSettings {
         node: hardware.panel.node.clone(),
         connector: hardware.panel.connector.clone(),
         size: config.panel.size(),
         refresh_hz: config.panel.refresh_hz,
-        legacy,
     };
     KmsPanel::open(settings).unwrap_or_else(|error| panic!("{error}"))
 }
@@ -186,42 +185,36 @@ fn rig_display_taken_by_another_program_and_given_back() {
 
 #[test]
 #[ignore = "needs a rig"]
-fn rig_flips_are_stamped_at_whole_refreshes_by_either_interface() {
+fn rig_flips_are_stamped_at_whole_refreshes() {
     let config = file();
-    for legacy in [false, true] {
-        let mut panel = panel_of(&config, legacy);
-        assert_eq!(panel.is_atomic(), !legacy);
-        let pictures = [grey(&config, 50), grey(&config, 150)];
-        let interval_s = panel.interval_s();
-        let mut last: Option<Flip> = None;
-        for n in 0..20 {
-            let asked = Monotonic.now().0;
-            let flip = panel.show(&pictures[n % 2]).unwrap_or_else(|error| panic!("{error}"));
-            // The stamp is of a refresh during the wait, give or take half for drivers that round.
-            let seen = Monotonic.now().0;
-            assert!(
-                flip.at.0 > asked - interval_s / 2.0 && flip.at.0 <= seen + interval_s / 2.0,
-                "flip {n}"
-            );
-            if let Some(last) = last {
-                let refreshes = f64::from(flip.vblank.wrapping_sub(last.vblank) as u32);
-                let error_s = flip.at.0 - last.at.0 - refreshes * interval_s;
-                assert!(
-                    refreshes >= 1.0 && error_s.abs() < interval_s / 4.0,
-                    "legacy {legacy}, flip {n}: {error_s} s"
-                );
-            }
-            last = Some(flip);
+    let mut panel = panel_of(&config);
+    let pictures = [grey(&config, 50), grey(&config, 150)];
+    let interval_s = panel.interval_s();
+    let mut last: Option<Flip> = None;
+    for n in 0..20 {
+        let asked = Monotonic.now().0;
+        let flip = panel.show(&pictures[n % 2]).unwrap_or_else(|error| panic!("{error}"));
+        // The stamp is of a refresh during the wait, give or take half for drivers that round.
+        let seen = Monotonic.now().0;
+        assert!(
+            flip.at.0 > asked - interval_s / 2.0 && flip.at.0 <= seen + interval_s / 2.0,
+            "flip {n}"
+        );
+        if let Some(last) = last {
+            let refreshes = f64::from(flip.vblank.wrapping_sub(last.vblank) as u32);
+            let error_s = flip.at.0 - last.at.0 - refreshes * interval_s;
+            assert!(refreshes >= 1.0 && error_s.abs() < interval_s / 4.0, "flip {n}: {error_s} s");
         }
-        println!("legacy {legacy}: 20 flips, {:.3} ms a refresh", interval_s * 1e3);
+        last = Some(flip);
     }
+    println!("20 flips, {:.3} ms a refresh", interval_s * 1e3);
 }
 
 #[test]
 #[ignore = "needs a rig"]
 fn rig_flip_events_allocate_nothing() {
     let config = file();
-    let mut panel = panel_of(&config, false);
+    let mut panel = panel_of(&config);
     let pictures = [grey(&config, 50), grey(&config, 150)];
     for n in 0..20 {
         panel.put(&pictures[n % 2]).expect("it is there");
