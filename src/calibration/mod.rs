@@ -4,7 +4,7 @@
 //! | paper §3 | here |
 //! |---|---|
 //! | geometric calibration, per channel | [`checkerboard`], [`geometric`], on [`surface`] |
-//! | dark corner | [`dark_corner`]; the lens's alone: [`LensFlat`] |
+//! | dark corner | [`dark_corner`] |
 //! | cross-channel response, Eq. 13 | [`cross_channel`], [`curve`] |
 //! | (noise, lens functions: not in the paper) | [`noise`], [`lens_blur`] |
 //! | (the lens out of focus: not in the paper) | [`OtherFocus`] |
@@ -22,7 +22,6 @@ pub mod dark_corner;
 pub mod dither;
 pub mod geometric;
 pub mod lens_blur;
-mod lens_flat;
 pub mod noise;
 mod norms;
 mod other_focus;
@@ -45,7 +44,6 @@ pub use correction::{Corrected, Correction, CorrectionError, Layout};
 pub use cross_channel::CrossChannel;
 pub use curve::ResponseCurve;
 pub use geometric::Geometry;
-pub use lens_flat::{DIFFUSER_LIGHT_MIN, LensFlat, LensFlatError};
 pub use noise::Noise;
 pub use other_focus::{FocusError, OtherFocus, focus_offset};
 pub use response_pattern::ResponsePattern;

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use super::photo_file::{self, SensorFacts, TakenPhoto};
 use super::progress::ProgressCounter;
 use super::{PanelView, Progress, Restorer, baseline, diffuser, operating_point, provenance};
-use crate::calibration::{Calibration, LensFlat, store};
+use crate::calibration::{Calibration, store};
 use crate::config;
 use crate::deconvolution::method::{Method, Step};
 use crate::frame::{Channel, Frame, Work};
@@ -40,7 +40,7 @@ pub struct OnRig {
     /// Counts of its channels for each grey level of the panel's primaries.
     gains: Option<[[f64; 3]; 3]>,
     /// The lens's own dark corner, where it is to be removed and was measured.
-    lens_flat: Option<LensFlat>,
+    lens_flat: Option<diffuser::LensFlat>,
     /// The photo restored last, and its result, for the panel.
     last: Option<(Frame<Work>, Frame<Work>)>,
 }
