@@ -5,7 +5,6 @@ use std::fmt;
 
 use super::{Aim, Brightness, PLACES};
 use crate::frame::Size;
-use crate::measurement::Linearity;
 
 /// Names of the nine places.
 const NAMES: [&str; PLACES] = [
@@ -129,19 +128,6 @@ impl Advice {
                 "the light changes by {:.1} % from one exposure to the next: expose for whole \
                  refreshes, and set the panel to its full brightness",
                 100.0 * share
-            ),
-        )
-    }
-
-    /// Advice on counts that do not follow the exposure.
-    pub fn linearity(linearity: &Linearity) -> Option<Advice> {
-        let [twice, thrice] = linearity.ratios;
-        Advice::when(
-            !linearity.is_straight(),
-            Action::Other,
-            format!(
-                "2 and 3 times the exposure give {twice:.2} and {thrice:.2} times the counts: \
-                 switch off the camera's gamma, contrast and automatic gain"
             ),
         )
     }

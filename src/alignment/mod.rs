@@ -3,7 +3,6 @@
 
 mod advice;
 mod dots;
-mod light;
 mod pose;
 mod report;
 mod sharpness;
@@ -18,7 +17,6 @@ use crate::rig::exposure::Devices;
 use crate::rig::shoot::clipped_share;
 
 pub use advice::{Action, Advice, FocusTurn};
-pub use light::GREYS;
 pub use pose::Aim;
 pub use report::AlignmentReport;
 pub use sharpness::{FocusHistory, Sharpness};

@@ -202,28 +202,14 @@ fn the_best_focus_is_known_after_passing_it_on_both_sides() {
 }
 
 #[test]
-#[ignore = "a minute: the gate runs it"]
-fn flicker_and_bent_counts_are_measured() {
-    let steady = rig(|_| {});
-    let flickering = rig(|simulation| {
-        simulation.unrest.flicker_share = 0.03;
-        simulation.sensor.curve.gamma = 0.6;
-    });
-    let measured = [steady, flickering].map(|rig| {
+fn flicker_is_reported_live() {
+    let advised = [0.0, 0.03].map(|share| {
+        let rig = rig(|simulation| simulation.unrest.flicker_share = share);
         let (mut devices, _) = simulated::open(&rig).unwrap();
         let mut view = RigView::new(&mut devices, &rig).unwrap();
-        let flicker = view.measure_flicker().unwrap();
-        let linear = view.measure_linearity(&rig).unwrap().unwrap();
-        println!("{flicker} {linear:?}");
-        assert!((devices.timing.exposure_ms - rig.camera.exposure_ms).abs() < 1e-6);
-        (flicker, linear)
+        let mut report = AlignmentReport::new(&rig);
+        (0..20).for_each(|_| report.add_focus(&view.measure_focus().unwrap()));
+        report.advice().iter().any(|advice| advice.to_string().contains("the light changes"))
     });
-    let [(steady, straight), (flickering, bent)] = measured;
-    assert_eq!((Advice::flicker(steady), Advice::linearity(&straight)), (None, None));
-    // Counts go with the power 0.6 of the light, and so does their flicker.
-    assert!((flickering / (0.6 * 0.03) - 1.0).abs() < 0.15, "{flickering}");
-    assert!((straight.ratios[1] / 3.0 - 1.0).abs() < 0.01, "{straight:?}");
-    assert!((bent.ratios[1] / 3f64.powf(0.6) - 1.0).abs() < 0.02, "{bent:?}");
-    assert!(Advice::linearity(&bent).is_some());
-    assert!(Advice::flicker(flickering).is_some(), "{flickering}");
+    assert_eq!(advised, [false, true]);
 }

@@ -2,7 +2,7 @@
 
 use clap::Args;
 use console::Term;
-use relens::alignment::{Advice, AlignmentReport, GREYS, RigView};
+use relens::alignment::{AlignmentReport, RigView};
 use relens::config::{self, RigFile};
 
 use super::error::CliError;
@@ -20,19 +20,14 @@ const FOCUS_LOOKS: u64 = 8;
 /// what to adjust next. Needs no calibration. Ctrl-C ends it.
 #[derive(Debug, Args)]
 #[command(after_help = "\
-Examples:
-  relens align --rig RIG.toml
-  relens align --rig RIG.toml --light")]
+Example:
+  relens align --rig RIG.toml")]
 pub(super) struct AlignOptions {
     #[command(flatten)]
     rig: RigOption,
     /// Number of measurements; without it, until Ctrl-C
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     looks: Option<u64>,
-    /// Measure flicker over 200 captures of grey, and linearity of the camera's counts in exposure,
-    /// and end
-    #[arg(long, conflicts_with = "looks")]
-    light: bool,
 }
 
 /// Runs `relens align`.
@@ -40,10 +35,7 @@ pub(super) fn run(options: &AlignOptions) -> Result<(), CliError> {
     let rig = config::load(&options.rig.rig)?;
     let mut devices = relens::rig::open_without_marks(&rig).map_err(CliError::of)?;
     let mut view = RigView::new(&mut devices, &rig).map_err(CliError::of)?;
-    match options.light {
-        true => measure_light(&mut view, &rig),
-        false => measure_live(&mut view, &rig, options.looks.unwrap_or(u64::MAX)),
-    }
+    measure_live(&mut view, &rig, options.looks.unwrap_or(u64::MAX))
 }
 
 /// Lines of a terminal, redrawn each time.
@@ -105,31 +97,4 @@ fn wrapped(lines: &[String], columns: usize) -> Vec<String> {
         all.push(rest.into_iter().collect());
     }
     all
-}
-
-/// Measures brightness, flicker and linearity, and prints advice.
-fn measure_light(view: &mut RigView<'_>, rig: &RigFile) -> Result<(), CliError> {
-    let white = view.measure_brightness().map_err(CliError::of)?;
-    let mut todo = white.advice(rig.panel.refresh_hz);
-    say(&format!(
-        "white is {:.0} % of the range, {:.2} % of the sites full",
-        100.0 * white.white,
-        100.0 * white.clipped_share
-    ));
-    let flicker = view.measure_flicker().map_err(CliError::of)?;
-    todo.extend(Advice::flicker(flicker));
-    say(&format!("flicker over {GREYS} captures of grey: {:.2} %", 100.0 * flicker));
-    match view.measure_linearity(rig).map_err(CliError::of)? {
-        Some(linear) => {
-            let [twice, thrice] = linear.ratios;
-            todo.extend(Advice::linearity(&linear));
-            say(&format!("2 and 3 times the exposure bring {twice:.2} and {thrice:.2} times"));
-        }
-        None => say("linearity: this camera's exposure cannot be set by program"),
-    }
-    if todo.is_empty() {
-        say("the light is steady and linear");
-        return Ok(());
-    }
-    Err(CliError::Faults(todo.iter().map(Advice::to_string).collect()))
 }

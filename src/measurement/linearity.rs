@@ -3,14 +3,12 @@
 //! and distorts blur. All levels are in one picture, so a backlight's flicker between captures
 //! affects them alike.
 
-use super::session::{Session, to_the_end};
+use super::session::Session;
 use super::{CalibrateError, judge};
 use crate::calibration::CameraCurve;
 use crate::calibration::camera_curve::Exposures;
-use crate::config::RigFile;
 use crate::frame::{Channel, Frame, Plane, SensorSpace, Size};
 use crate::patterns::{self, Gradation};
-use crate::rig::exposure::Devices;
 
 /// Multiples of the exposure.
 const TIMES: [f64; 3] = [1.0, 2.0, 3.0];
@@ -47,7 +45,7 @@ pub(super) const CAPTURES: usize = TIMES.len() * (2 + CAPTURES_EACH) + 1;
 
 /// Counts of one light over black at two and three times the exposure, relative to one.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Linearity {
+pub(super) struct Linearity {
     /// The ratios, ideally 2 and 3.
     pub ratios: [f64; 2],
 }
@@ -65,27 +63,6 @@ impl Linearity {
         // Negated so that NaN deviates too.
         ratios.find(|(times, found)| !allowed.contains(&(found / times)))
     }
-
-    /// Whether the counts follow the exposure.
-    pub fn is_straight(&self) -> bool {
-        self.bend().is_none()
-    }
-}
-
-/// Measures the linearity of the green channel of `rig`, described by `config`, and restores the
-/// exposure; `None` if the exposure cannot be set.
-///
-/// # Errors
-/// When a capture fails, or no part of the picture is evenly lit.
-pub fn measure_linearity(
-    rig: &mut Devices,
-    config: &RigFile,
-) -> Result<Option<Linearity>, CalibrateError> {
-    let mut watch = to_the_end;
-    let mut session = Session::new(rig, config, &mut watch, CAPTURES as u32);
-    let Some([_, green, _]) = lights(&mut session)? else { return Ok(None) };
-    let found = brightest_linearity(&green, f64::from(session.layout.saturated));
-    found.map(Some).ok_or_else(judge::no_curve)
 }
 
 /// Measures the camera's curve; straight if the exposure cannot be set. `black` has the counts of a
@@ -223,10 +200,10 @@ mod tests {
     fn counts_proportional_to_the_exposure_are_straight_and_a_gamma_is_not() {
         let linearity = |gamma: f64| Linearity::of(TIMES.map(|times| 250.0 * times.powf(gamma)));
         for gamma in [0.95, 0.98, 1.0, 1.05] {
-            assert!(linearity(gamma).is_straight(), "{gamma}");
+            assert!(linearity(gamma).bend().is_none(), "{gamma}");
         }
         for gamma in [0.45, 0.6, 0.8, 1.2, 2.2, f64::NAN] {
-            assert!(!linearity(gamma).is_straight(), "{gamma}");
+            assert!(linearity(gamma).bend().is_some(), "{gamma}");
         }
     }
 }

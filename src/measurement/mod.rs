@@ -29,7 +29,6 @@ mod session;
 mod sites;
 
 pub use error::CalibrateError;
-pub use linearity::{Linearity, measure_linearity};
 pub use session::{CalibrationProgress, to_the_end};
 
 use std::ops::ControlFlow;
