@@ -16,22 +16,9 @@ use crate::frame::{Plane, Size};
 /// Why no checkerboard was found.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum CheckerboardError {
-    /// A spot of the locator is too dark.
-    #[error(
-        "the {channel} spot is too dark: it reaches {found:.0} counts over black, at least \
-         {allowed:.0} are needed"
-    )]
-    NoSpot {
-        /// Channel of the spot.
-        channel: &'static str,
-        /// Brightest counts over black.
-        found: f64,
-        /// Least counts accepted.
-        allowed: f64,
-    },
-    /// The spots are collinear.
-    #[error("the three spots are in a line: the panel is seen edge-on or in a reflection")]
-    SpotsInLine,
+    /// The spots of the locator are too dark or in a line: the finding.
+    #[error("{0}")]
+    NoSpots(String),
     /// No corner in the middle of the board, of this many tried.
     #[error("none of the {0} corners near the middle of the picture was found")]
     NoCorners(usize),
@@ -94,7 +81,10 @@ pub fn spot(
     }
     let found = f64::from(peak.0);
     if found.is_nan() || found < allowed {
-        return Err(CheckerboardError::NoSpot { channel, found, allowed });
+        return Err(CheckerboardError::NoSpots(format!(
+            "the {channel} spot is too dark: it reaches {found:.0} counts over black, at least \
+             {allowed:.0} are needed"
+        )));
     }
     let (mut sum, mut sx, mut sy) = (0.0, 0.0, 0.0);
     for y in 0..plane.height() {
@@ -409,7 +399,7 @@ mod tests {
         let (x, y) = spot(&lit, "green", 20.0).unwrap();
         assert!((x - 31.3).abs() < 0.05 && (y - 20.6).abs() < 0.05, "{x} {y}");
         let dark = Plane::filled(Size::new(60, 50), 3.0);
-        assert!(matches!(spot(&dark, "green", 20.0), Err(CheckerboardError::NoSpot { .. })));
+        assert!(matches!(spot(&dark, "green", 20.0), Err(CheckerboardError::NoSpots(_))));
     }
 
     #[test]

@@ -92,18 +92,8 @@ impl Layout {
 
 /// Why a calibration cannot be applied.
 #[derive(Debug, thiserror::Error)]
-pub enum CorrectionError {
-    /// It is for another photo or canvas: photo and margin of the calibration, and of the rig file.
-    #[error(
-        "the calibration is for a photo of {} with a margin of {} px; the rig file has {} and {} \
-         px",
-        .0.0, .0.1, .1.0, .1.1
-    )]
-    Sizes((Size, usize), (Size, usize)),
-    /// The mixing matrix C is singular.
-    #[error("the calibration's mixing of channels cannot be inverted: {0:?}")]
-    Mixing([[f32; 3]; 3]),
-}
+#[error("the calibration{0}")]
+pub struct CorrectionError(String);
 
 impl Remediable for CorrectionError {
     fn remedy(&self) -> Remedy {
@@ -157,10 +147,15 @@ impl Correction {
         let (found, allowed) =
             ((calibration.photo, calibration.margin_px), (layout.photo, layout.margin_px));
         if found != allowed {
-            return Err(CorrectionError::Sizes(found, allowed));
+            return Err(CorrectionError(format!(
+                " is for a photo of {} with a margin of {} px; the rig file has {} and {} px",
+                found.0, found.1, allowed.0, allowed.1
+            )));
         }
         let mixing = calibration.cross_channel.c;
-        let unmix = calibration.cross_channel.inverse().ok_or(CorrectionError::Mixing(mixing))?;
+        let unmix = calibration.cross_channel.inverse().ok_or_else(|| {
+            CorrectionError(format!("'s mixing of channels cannot be inverted: {mixing:?}"))
+        })?;
         let canvas = layout.canvas();
         let on_canvas = |surface: &Surface| layout.on_canvas(surface);
         let gain = |c: Channel| {

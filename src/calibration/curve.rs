@@ -3,24 +3,18 @@
 use serde::{Deserialize, Serialize};
 
 /// Why a table is not a response curve.
-#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
-pub enum CurveError {
-    /// The table has another length.
-    #[error("a response curve of {0} entries; 256 are allowed")]
-    Length(usize),
-    /// Light does not increase with the code.
-    #[error(
-        "light does not increase from code {code} to the next ({from} to {to}); a panel's response \
-         must rise"
-    )]
-    NotRising {
-        /// The lower of the two codes.
-        code: usize,
-        /// Its light.
-        from: f32,
-        /// The light of the next code.
-        to: f32,
-    },
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[error("{0}")]
+pub struct CurveError(String);
+
+impl CurveError {
+    /// Light that does not increase from `code` to the next, `from` to `to`.
+    pub(super) fn not_rising(code: usize, from: f32, to: f32) -> CurveError {
+        CurveError(format!(
+            "light does not increase from code {code} to the next ({from} to {to}); a panel's \
+             response must rise"
+        ))
+    }
 }
 
 /// Strictly increasing light (0..255, black subtracted) of the 256 codes.
@@ -35,13 +29,14 @@ impl TryFrom<Vec<f32>> for ResponseCurve {
 
     fn try_from(light: Vec<f32>) -> Result<Self, CurveError> {
         if light.len() != 256 {
-            return Err(CurveError::Length(light.len()));
+            let found = format!("a response curve of {} entries; 256 are allowed", light.len());
+            return Err(CurveError(found));
         }
         for (code, pair) in light.windows(2).enumerate() {
             // Negated so that NaN fails too.
             let rises = pair[1] > pair[0];
             if !rises || !pair[1].is_finite() {
-                return Err(CurveError::NotRising { code, from: pair[0], to: pair[1] });
+                return Err(CurveError::not_rising(code, pair[0], pair[1]));
             }
         }
         Ok(ResponseCurve { light })
@@ -163,12 +158,11 @@ mod tests {
     fn a_flat_or_broken_table_is_refused() {
         let mut table: Vec<f32> = (0..256).map(|c| c as f32).collect();
         table[7] = table[6];
-        assert!(matches!(
-            ResponseCurve::try_from(table.clone()),
-            Err(CurveError::NotRising { code: 6, .. })
-        ));
+        let refused = ResponseCurve::try_from(table.clone()).unwrap_err().to_string();
+        assert!(refused.contains("from code 6 to the next (6 to 6)"), "{refused}");
         table[7] = f32::NAN;
         assert!(ResponseCurve::try_from(table).is_err());
-        assert_eq!(ResponseCurve::try_from(vec![0.0; 3]), Err(CurveError::Length(3)));
+        let refused = ResponseCurve::try_from(vec![0.0; 3]).unwrap_err().to_string();
+        assert_eq!(refused, "a response curve of 3 entries; 256 are allowed");
     }
 }

@@ -43,8 +43,8 @@ pub fn fit(readings: impl IntoIterator<Item = (u8, f64)>) -> Result<ResponseCurv
             }
         }
     }
-    let flat = CurveError::NotRising { code: 0, from: 0.0, to: 0.0 };
-    let coefficients = Cholesky::new(matrix).ok_or(flat)?.solve(&side);
+    let flat = || CurveError::not_rising(0, 0.0, 0.0);
+    let coefficients = Cholesky::new(matrix).ok_or_else(flat)?.solve(&side);
     let at = |code: f64| {
         let KnotPosition { segment, t, .. } = place(code, 0.0, 255.0, INTERVALS);
         basis(t).iter().enumerate().map(|(k, b)| b * coefficients[segment + k]).sum::<f64>()
@@ -53,7 +53,7 @@ pub fn fit(readings: impl IntoIterator<Item = (u8, f64)>) -> Result<ResponseCurv
     // Negated so that NaN fails too.
     let rises = last > first;
     if !rises {
-        return Err(CurveError::NotRising { code: 0, from: first as f32, to: last as f32 });
+        return Err(CurveError::not_rising(0, first as f32, last as f32));
     }
     let mut table: Vec<f32> =
         (0..256).map(|c| (255.0 * (at(f64::from(c)) - first) / (last - first)) as f32).collect();

@@ -30,21 +30,9 @@ pub enum SlotFault {
     /// The file does not exist.
     #[error("missing")]
     Missing,
-    /// The file cannot be read.
-    #[error("cannot be read: {0}")]
-    Unreadable(String),
-    /// The file is larger than any calibration: its length.
-    #[error("{0} bytes long; {SLOT_BYTES_MAX} are allowed")]
-    Length(u64),
-    /// The magic is wrong.
-    #[error("not a calibration of relens")]
-    Magic,
-    /// The format is another version's.
-    #[error("written in format {0}; this program reads {VERSION}")]
-    Version(u32),
-    /// The file is cut short, or its checksum is wrong.
-    #[error("damaged")]
-    Damaged,
+    /// The file is unreadable, too long, of another format, or damaged: how.
+    #[error("{0}")]
+    Bad(String),
     /// The payload is no calibration although the checksum is right: a bug of the writer.
     #[error("undamaged, but no calibration: {0}")]
     Contents(String),
@@ -189,19 +177,23 @@ fn encode(calibration: &Calibration) -> Result<Vec<u8>, StoreError> {
     bytes.extend(crc32fast::hash(&bytes).to_le_bytes());
     match bytes.len() as u64 {
         0..=SLOT_BYTES_MAX => Ok(bytes),
-        length => Err(StoreError::Encode(SlotFault::Length(length).to_string())),
+        length => Err(StoreError::Encode(too_long(length))),
     }
+}
+
+fn too_long(length: u64) -> String {
+    format!("{length} bytes long; {SLOT_BYTES_MAX} are allowed")
 }
 
 fn read_slot(disk: &dyn Disk, path: &Path) -> Result<Calibration, SlotFault> {
     let unreadable = |e: std::io::Error| match e.kind() {
         ErrorKind::NotFound => SlotFault::Missing,
-        _ => SlotFault::Unreadable(e.to_string()),
+        _ => SlotFault::Bad(format!("cannot be read: {e}")),
     };
     let file = disk.open(path).map_err(unreadable)?;
     let length = file.metadata().map_err(unreadable)?.len();
     if length > SLOT_BYTES_MAX {
-        return Err(SlotFault::Length(length));
+        return Err(SlotFault::Bad(too_long(length)));
     }
     let mut bytes = Vec::with_capacity(length as usize);
     file.take(SLOT_BYTES_MAX).read_to_end(&mut bytes).map_err(unreadable)?;
@@ -210,18 +202,21 @@ fn read_slot(disk: &dyn Disk, path: &Path) -> Result<Calibration, SlotFault> {
 
 /// Decodes a slot.
 fn decode(bytes: &[u8]) -> Result<Calibration, SlotFault> {
-    let (body, crc) = bytes.split_last_chunk::<CRC_BYTES>().ok_or(SlotFault::Damaged)?;
-    let (header, payload) = body.split_first_chunk::<HEADER_BYTES>().ok_or(SlotFault::Damaged)?;
+    let bad = |how: &str| SlotFault::Bad(how.to_owned());
+    let damaged = || bad("damaged");
+    let (body, crc) = bytes.split_last_chunk::<CRC_BYTES>().ok_or_else(damaged)?;
+    let (header, payload) = body.split_first_chunk::<HEADER_BYTES>().ok_or_else(damaged)?;
     let [magic @ .., a, b, c, d] = header;
     let version = u32::from_le_bytes([*a, *b, *c, *d]);
     if *magic != MAGIC {
-        return Err(SlotFault::Magic);
+        return Err(bad("not a calibration of relens"));
     }
     if version != VERSION {
-        return Err(SlotFault::Version(version));
+        let how = format!("written in format {version}; this program reads {VERSION}");
+        return Err(SlotFault::Bad(how));
     }
     if u32::from_le_bytes(*crc) != crc32fast::hash(body) {
-        return Err(SlotFault::Damaged);
+        return Err(damaged());
     }
     let calibration: Calibration =
         postcard::from_bytes(payload).map_err(|e| SlotFault::Contents(e.to_string()))?;

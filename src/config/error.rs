@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use crate::remedy::{Remediable, Remedy};
 
-/// Error of a rig file. `at` is the file, with a line where one is concerned.
+/// Error of a rig file.
 #[derive(Debug, thiserror::Error)]
 pub enum ConfigError {
     /// The file cannot be read.
@@ -23,47 +23,13 @@ pub enum ConfigError {
         /// Names of the built-in rig files.
         names: String,
     },
-    /// The text is not TOML.
-    #[error("{at}: found {found}, allowed {allowed}")]
-    NotToml {
+    /// Not TOML, an unknown or missing key, or an invalid value: what was found and is allowed.
+    #[error("{at}: {what}")]
+    Invalid {
         /// File and line.
         at: String,
-        /// Text found.
-        found: String,
-        /// Text allowed.
-        allowed: &'static str,
-    },
-    /// Unknown key.
-    #[error("{at}: unknown key `{key}`; {nearest}")]
-    UnknownKey {
-        /// File and line.
-        at: String,
-        /// Key as written.
-        key: String,
-        /// Hint: the nearest known key, or all known keys.
-        nearest: String,
-    },
-    /// Missing key or table without a default.
-    #[error("{at}: missing {what}, which has no default: {meaning}")]
-    Missing {
-        /// File and line.
-        at: String,
-        /// Key or table, such as "key refresh-hz in `[panel]`".
+        /// The fault.
         what: String,
-        /// Documentation of the key or table.
-        meaning: String,
-    },
-    /// Value of a wrong type, out of range, or inconsistent with another one.
-    #[error("{at}: {key}: found {found}, allowed {allowed}")]
-    Value {
-        /// File and line.
-        at: String,
-        /// Key with its table.
-        key: String,
-        /// Value found.
-        found: String,
-        /// Values allowed.
-        allowed: String,
     },
     /// Real rig, in this file, in a program without device support.
     #[error(

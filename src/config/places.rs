@@ -44,8 +44,8 @@ impl Places {
         found: impl Display,
         allowed: impl Display,
     ) -> ConfigError {
-        let (found, allowed) = (found.to_string(), allowed.to_string());
-        ConfigError::Value { at: self.of(key), key: key.to_owned(), found, allowed }
+        let what = format!("{key}: found {found}, allowed {allowed}");
+        ConfigError::Invalid { at: self.of(key), what }
     }
 
     fn note(&mut self, path: &str, table: &DeTable, text: &str) {
@@ -87,15 +87,15 @@ impl Places {
         let named = error.span().and_then(|span| text.get(span)).unwrap_or_default();
         // The parser's messages are written for programmers.
         if error.message().contains("duplicate key") {
-            let found = format!("`{named}` twice");
-            return ConfigError::NotToml { at, found, allowed: "each key once in its table" };
+            let what = format!("found `{named}` twice, allowed each key once in its table");
+            return ConfigError::Invalid { at, what };
         }
         let written = text.lines().nth(line - 1).unwrap_or_default().trim();
         let found = match written.char_indices().nth(SHOWN) {
             Some((end, _)) => format!("`{} …`", &written[..end]),
             None => format!("`{written}`"),
         };
-        ConfigError::NotToml { at, found, allowed: LINES }
+        ConfigError::Invalid { at, what: format!("found {found}, allowed {LINES}") }
     }
 }
 

@@ -87,11 +87,8 @@ fn complete(
     let names: Vec<String> = written.map(Key::name).collect();
     if let Some(unknown) = found.keys().find(|name| !names.contains(name)) {
         let at = places.of(&joined(path, unknown));
-        return Err(ConfigError::UnknownKey {
-            at,
-            key: unknown.clone(),
-            nearest: nearest(unknown, &names),
-        });
+        let what = format!("unknown key `{unknown}`; {}", nearest(unknown, &names));
+        return Err(ConfigError::Invalid { at, what });
     }
     for key in declared.keys {
         let at = joined(path, &key.name());
@@ -125,8 +122,9 @@ fn fill_in(
                 Allowed::Table(_) | Allowed::ByKind(_) => format!("table `[{at}]`"),
                 _ => format!("key `{}` in [{path}]", key.name()),
             };
-            let meaning = key.meaning.trim().to_owned();
-            Err(ConfigError::Missing { at: places.of(&at), what, meaning })
+            let meaning = key.meaning.trim();
+            let what = format!("missing {what}, which has no default: {meaning}");
+            Err(ConfigError::Invalid { at: places.of(&at), what })
         }
     }
 }

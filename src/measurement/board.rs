@@ -18,6 +18,12 @@ pub(super) struct Board {
     black: Plane,
 }
 
+/// The error for spots that give no affine map.
+fn in_line() -> CalibrateError {
+    let found = "the three spots are in a line: the panel is seen edge-on or in a reflection";
+    CalibrateError::NotInView(found.to_owned())
+}
+
 /// Measures Work ↔ panel for each channel; also returns the green board.
 pub(super) fn geometry(
     session: &mut Session<'_>,
@@ -37,9 +43,7 @@ pub(super) fn geometry(
         let over = difference(locator.plane(c), black.plane(c));
         spots[c.index()] = checkerboard::spot(&over, c.name(), allowed).map_err(judge::board)?;
     }
-    let near = Affine::through(patterns::locator_spots(layout.panel), spots)
-        .ok_or(checkerboard::CheckerboardError::SpotsInLine)
-        .map_err(judge::board)?;
+    let near = Affine::through(patterns::locator_spots(layout.panel), spots).ok_or_else(in_line)?;
     let mut found = Vec::new();
     let mut green = None;
     for c in Channel::ALL {
@@ -67,7 +71,7 @@ pub(super) fn geometry(
     }
     match <[Geometry; 3]>::try_from(found) {
         Ok(geometry) => Ok((geometry, green)),
-        Err(_) => Err(judge::board(checkerboard::CheckerboardError::SpotsInLine)),
+        Err(_) => Err(in_line()),
     }
 }
 

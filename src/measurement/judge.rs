@@ -101,9 +101,7 @@ fn cells(plane: &Plane<u16>, rows: &[usize], value: impl Fn(usize, u16) -> f64) 
 /// The calibration error for a checkerboard that was not found.
 pub(super) fn board(error: CheckerboardError) -> CalibrateError {
     match error {
-        CheckerboardError::NoSpot { .. } | CheckerboardError::SpotsInLine => {
-            CalibrateError::NotInView(error.to_string())
-        }
+        CheckerboardError::NoSpots(found) => CalibrateError::NotInView(found),
         CheckerboardError::NoCorners(_) => {
             let allowed = "blur narrower than half a square".to_owned();
             CalibrateError::WrongFocus(error.to_string(), allowed)

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use serde::{Deserialize, Serialize};
 
 use super::metadata::HOLE_BYTES;
-use crate::frame::{Mosaic, Size};
+use crate::frame::Size;
 use crate::remedy::{Remediable, Remedy};
 
 /// A flaw of a file's content; [`PictureError`] adds the file's name.
@@ -156,42 +156,10 @@ pub enum Flaw {
         /// The sites of the rig's sensor.
         sensor: Size,
     },
-    /// A raw photo of another rig.
-    #[error(
-        "this raw photo was taken by another rig, with another lens: found {found}, allowed \
-         {allowed}"
-    )]
-    OtherRig {
-        /// Maker and model.
-        found: String,
-        /// This rig's.
-        allowed: String,
-    },
-    /// A raw photo of this rig at another focus or aperture, or of another camera.
-    #[error(
-        "this raw photo was taken with other settings than the lens was measured with: {what} \
-         found {found}, allowed {allowed}; see camera.focus in the rig file"
-    )]
-    OtherSetting {
-        /// The setting that differs.
-        what: &'static str,
-        /// The photo's.
-        found: String,
-        /// The rig's.
-        allowed: String,
-    },
-    /// A raw photo of another sensor.
-    #[error(
-        "this raw photo is of another sensor: found colour filters {}, allowed {}", .found.name(),
-        .allowed.map_or("developed photos, for the rig's camera has no raw sites",
-                        Mosaic::name)
-    )]
-    OtherSensor {
-        /// The photo's.
-        found: Mosaic,
-        /// The rig's, if its sensor has any.
-        allowed: Option<Mosaic>,
-    },
+    /// A raw photo that this rig's camera cannot have taken as it is set: the finding, and what is
+    /// allowed.
+    #[error("this raw photo {0}")]
+    OtherCamera(String),
 }
 
 /// Why a photo could not be read, or a result not encoded.

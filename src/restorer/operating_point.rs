@@ -25,9 +25,9 @@ struct KeptPoint {
 /// Why an operating point cannot be read or kept.
 #[derive(Debug, thiserror::Error)]
 pub enum OperatingPointError {
-    /// There is no file.
-    #[error("there is no {0}")]
-    Missing(PathBuf),
+    /// There is none, or none that can be used: the file, and what is wrong.
+    #[error("{0}")]
+    Unusable(String),
     /// The file cannot be read or written.
     #[error("cannot {what} {path}")]
     File {
@@ -38,24 +38,6 @@ pub enum OperatingPointError {
         /// The cause.
         #[source]
         source: std::io::Error,
-    },
-    /// It is not a valid file.
-    #[error("{path} is damaged: {what}")]
-    Damaged {
-        /// The file.
-        path: PathBuf,
-        /// What is wrong.
-        what: String,
-    },
-    /// It belongs to another rig or request.
-    #[error("{path} is of {found}; allowed is {allowed}")]
-    Other {
-        /// The file.
-        path: PathBuf,
-        /// Its rig and request.
-        found: String,
-        /// Those of the rig file.
-        allowed: String,
     },
 }
 
@@ -79,28 +61,22 @@ impl Remediable for OperatingPointError {
 pub fn load(slots: &Path, rig: &config::RigFile) -> Result<Option<Chosen>, OperatingPointError> {
     let Some(wanted) = rig.restore.operating_point else { return Ok(None) };
     let path = slots.join(NAME);
-    let bytes = match kept(slots, NAME) {
-        Ok(bytes) => bytes,
-        Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
-            return Err(OperatingPointError::Missing(path));
-        }
-        Err(source) => return Err(OperatingPointError::File { what: "read", path, source }),
-    };
-    let point: KeptPoint = match toml::from_slice(&bytes) {
-        Ok(point) => point,
-        Err(error) => {
-            return Err(OperatingPointError::Damaged { path, what: error.message().to_owned() });
-        }
-    };
+    let unusable = |what: String| OperatingPointError::Unusable(what);
+    let damaged = |what: &str| unusable(format!("{} is damaged: {what}", path.display()));
+    let bytes = kept(slots, NAME).map_err(|source| match source.kind() {
+        std::io::ErrorKind::NotFound => unusable(format!("there is no {}", path.display())),
+        _ => OperatingPointError::File { what: "read", path: path.clone(), source },
+    })?;
+    let point: KeptPoint = toml::from_slice(&bytes).map_err(|error| damaged(error.message()))?;
     let of = |rig: &str, point: &str| format!("rig {rig} for `{point}`");
     let found = of(&point.rig, point.chosen.operating_point.name());
     let allowed = of(&identity(rig), wanted.name());
     if found != allowed {
-        return Err(OperatingPointError::Other { path, found, allowed });
+        let what = format!("{} is of {found}; allowed is {allowed}", path.display());
+        return Err(unusable(what));
     }
     if !point.chosen.setting.is_sane() {
-        let what = "it has steps, rounds or captures that are not 1 to 10000".to_owned();
-        return Err(OperatingPointError::Damaged { path, what });
+        return Err(damaged("it has steps, rounds or captures that are not 1 to 10000"));
     }
     Ok(Some(point.chosen))
 }

@@ -2,7 +2,7 @@
 //! note where nothing proves that it did.
 
 use crate::config::RigFile;
-use crate::frame::RawSites;
+use crate::frame::{Mosaic, RawSites};
 use crate::picture::{Flaw, PhotoCamera, RigSetting, dng};
 
 /// The reason why this rig cannot have taken the raw photo of `camera`, the camera its file names;
@@ -16,13 +16,14 @@ pub(super) fn other_camera(
     if let Some(by_relens) = camera.filter(|camera| camera.name.starts_with(dng::OUR_MAKE)) {
         let (found, allowed) = (by_relens.name.clone(), dng::camera_of(&config.name));
         if found != allowed {
-            return Some(Flaw::OtherRig { found, allowed });
+            return Some(Flaw::OtherCamera(format!(
+                "was taken by another rig, with another lens: found {found}, allowed {allowed}"
+            )));
         }
         if let (Some(found), Some(allowed)) = (&by_relens.serial, config.camera_serial())
             && found != allowed
         {
-            let (found, allowed) = (found.clone(), allowed.to_owned());
-            return Some(Flaw::OtherSetting { what: "the camera's number", found, allowed });
+            return Some(other_setting("the camera's number", found, allowed));
         }
         if let Some(RigSetting { focus, .. }) = &by_relens.setting
             && *focus != config.camera.focus
@@ -31,11 +32,25 @@ pub(super) fn other_camera(
                 focus.as_ref().map_or("not stated".to_owned(), |focus| format!("{focus:?}"))
             };
             let (found, allowed) = (words(focus), words(&config.camera.focus));
-            return Some(Flaw::OtherSetting { what: "the focus", found, allowed });
+            return Some(other_setting("the focus", &found, &allowed));
         }
     }
     let allowed = config.photo_mosaic();
-    (allowed != Some(raw.mosaic)).then_some(Flaw::OtherSensor { found: raw.mosaic, allowed })
+    (allowed != Some(raw.mosaic)).then(|| {
+        let none = "developed photos, for the rig's camera has no raw sites";
+        Flaw::OtherCamera(format!(
+            "is of another sensor: found colour filters {}, allowed {}",
+            raw.mosaic.name(),
+            allowed.map_or(none, Mosaic::name)
+        ))
+    })
+}
+
+fn other_setting(what: &str, found: &str, allowed: &str) -> Flaw {
+    Flaw::OtherCamera(format!(
+        "was taken with other settings than the lens was measured with: {what} found {found}, \
+         allowed {allowed}; see camera.focus in the rig file"
+    ))
 }
 
 /// The report's note on the camera of a raw photo, where nothing proves that it is this rig's.

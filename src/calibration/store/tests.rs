@@ -47,7 +47,7 @@ fn every_truncation_and_extension_is_noticed() {
     }
     let mut longer = whole;
     longer.push(0);
-    assert!(matches!(decode(&longer), Err(SlotFault::Damaged)));
+    assert_eq!(decode(&longer), Err(SlotFault::Bad("damaged".to_owned())));
 }
 
 #[test]
@@ -85,7 +85,7 @@ fn two_invalid_slots_and_another_rig_are_reported() {
         .unwrap();
     }
     let bad = load(folder.path(), calibration().rig).unwrap_err();
-    assert!(matches!(bad, StoreError::BothBad { a: SlotFault::Version { .. }, .. }), "{bad}");
+    assert!(bad.to_string().contains("slot a: written in format"), "{bad}");
 }
 
 #[test]
