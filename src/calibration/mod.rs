@@ -185,6 +185,7 @@ impl Calibration {
 }
 
 #[cfg(test)]
+#[path = "tests/example.rs"]
 pub(crate) mod example;
 
 #[cfg(test)]

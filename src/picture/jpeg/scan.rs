@@ -49,7 +49,9 @@ impl Scan {
     ) -> Option<()> {
         if !self.progressive {
             self.dc_first(bits, tables, &mut running.dc[n], block)?;
-            return sequential(bits, tables.ac?, block);
+            // A sequential scan's coefficients are one band without runs of blocks (T.81, F.2.2.2).
+            let all = Scan { band: (1, BLOCK_AREA - 1), ..*self };
+            return all.ac_first(bits, tables.ac?, &mut 0, block);
         }
         match (self.band.0, self.high) {
             (0, 0) => self.dc_first(bits, tables, &mut running.dc[n], block),
@@ -154,24 +156,6 @@ impl Scan {
         }
         Some(())
     }
-}
-
-/// A sequential scan's AC coefficients of a block (T.81, F.2.2.2).
-fn sequential(bits: &mut Bits<'_>, codes: &HuffmanCodes, block: &mut [i16]) -> Option<()> {
-    let mut k = 1;
-    while k < BLOCK_AREA {
-        let (zeros, size) = halves(codes.next(bits)?);
-        if size > 0 {
-            k += zeros;
-            *block.get_mut(place(k, BLOCK_AREA - 1)?)? = shifted(bits.extended(size)?, 0)?;
-        } else if zeros < 15 {
-            break;
-        } else {
-            k += 15;
-        }
-        k += 1;
-    }
-    Some(())
 }
 
 /// A run of zeros and the size of the number after it.
