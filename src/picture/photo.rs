@@ -20,7 +20,7 @@ use super::{
 use crate::config::{Curve, RawResults};
 
 /// How a picture is written: format, depth, curve and metadata.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Manner {
     /// File format.
     pub format: Format,
@@ -31,12 +31,14 @@ pub struct Manner {
     /// The transfer curve, undone on reading and redone on writing.
     pub tone: Tone,
     /// How the stored pixels are turned upright when written.
+    #[serde(with = "super::turn")]
     pub orientation: Orientation,
     /// The ICC profile, carried byte by byte.
     pub icc: Option<Vec<u8>>,
     /// The EXIF block with the orientation cleared.
     pub exif: Option<Vec<u8>>,
     /// The alpha plane as stored, 0..1, in stored orientation.
+    #[serde(skip)]
     pub alpha: Option<Plane>,
     /// Conversion of a raw photo's light to sRGB; `None` where its channels are sRGB's.
     pub colours: Option<CameraColours>,
@@ -71,12 +73,13 @@ pub struct FileFacts {
 }
 
 /// A photo: **B** of the paper, in linear light.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Photo {
     /// The file's name, for messages and results.
     pub name: String,
     /// Linear light 0..255, stored orientation. Grey photos have the green plane alone, and the
     /// others black. Raw photos are interpolated between their sites.
+    #[serde(skip, default = "no_light")]
     pub light: Frame<Work>,
     /// The sites of a raw photo, which alone are data.
     pub raw: Option<RawSites>,
@@ -96,6 +99,11 @@ pub struct Photo {
     pub losses: Vec<String>,
     /// Further notes on the file, for the report.
     pub notes: Vec<String>,
+}
+
+/// Light that follows elsewhere.
+fn no_light() -> Frame<Work> {
+    Frame::zeros(Size::new(0, 0))
 }
 
 impl Photo {

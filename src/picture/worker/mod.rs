@@ -205,7 +205,7 @@ impl Worker {
 pub fn photo_of_answer(name: &str, answer: &[u8], size: Size) -> Result<Photo, PictureError> {
     let mut rest = answer;
     match read(name, &mut rest)? {
-        Answer::Photo(header) => wire::read_photo(*header, &mut rest, size)
+        Answer::Photo(header) => wire::read_photo(header, &mut rest, size)
             .map_err(|how| died(name, format!("it answered {how}"))),
         other => Err(refusal(name, other)),
     }

@@ -9,9 +9,7 @@ use std::io::{self, Read, Write};
 use serde::{Deserialize, Serialize};
 
 use super::super::flaw::Growth;
-use super::super::{
-    CameraColours, FileFacts, Format, Limits, Manner, Orientation, Photo, PixelLayout, Tone,
-};
+use super::super::{Limits, Photo};
 use crate::config::Curve;
 use crate::frame::{BLOCK_AREA, Channels, Coding, Counts, Frame, PhotoGrid, Plane, RawSites, Size};
 
@@ -39,11 +37,11 @@ pub(super) enum Purpose {
 
 /// A worker's answer.
 #[derive(Debug, Serialize, Deserialize)]
-pub(super) enum Answer {
+pub(super) enum Answer<P = Box<Photo>> {
     /// The file is complete.
     Whole,
     /// The photo; its planes follow.
-    Photo(Box<Header>),
+    Photo(Header<P>),
     /// A camera's frame; its counts follow, a byte each, plane by plane.
     Frame,
     /// The file is refused.
@@ -52,29 +50,13 @@ pub(super) enum Answer {
     Unread { message: String },
 }
 
-/// A photo without its planes.
+/// A photo without its planes and coefficients.
 #[derive(Debug, Serialize, Deserialize)]
-pub(super) struct Header {
-    name: String,
-    channels: Channels,
+pub(super) struct Header<P> {
+    photo: P,
     size: Size,
-    format: Format,
-    layout: PixelLayout,
-    bits: u8,
-    tone: Tone,
-    orientation: u8,
-    icc: Option<Vec<u8>>,
-    exif: Option<Vec<u8>>,
-    colours: Option<CameraColours>,
+    /// Whether a plane of alpha follows.
     alpha: bool,
-    raw: Option<RawSites>,
-    /// Without its coefficients, which follow the planes.
-    coding: Option<Coding>,
-    camera: Option<crate::picture::PhotoCamera>,
-    stored: Size,
-    file: FileFacts,
-    losses: Vec<String>,
-    notes: Vec<String>,
 }
 
 /// Longest answer without its planes: curves of 3 × 65536 steps, and 16 MiB each of profile and
@@ -124,6 +106,10 @@ pub(super) fn read_frame(bytes: &[u8], size: Size) -> Result<Counts, &'static st
 
 /// Writes an answer without planes.
 pub(super) fn write(out: &mut dyn Write, answer: &Answer) -> io::Result<()> {
+    write_any(out, answer)
+}
+
+fn write_any(out: &mut dyn Write, answer: &Answer<impl Serialize>) -> io::Result<()> {
     let bytes = postcard::to_allocvec(answer).map_err(io::Error::other)?;
     let length = u32::try_from(bytes.len()).ok().filter(|&length| length <= HEADER_BYTES_MAX);
     let length =
@@ -134,32 +120,9 @@ pub(super) fn write(out: &mut dyn Write, answer: &Answer) -> io::Result<()> {
 
 /// Writes a photo.
 pub(super) fn write_photo(out: &mut dyn Write, photo: &Photo) -> io::Result<()> {
-    // Without `..`, so that no field is forgotten.
-    let Photo { name, light, raw, coding, camera, channels, manner, stored, file, losses, notes } =
-        photo;
-    let Manner { format, layout, bits, tone, orientation, icc, exif, alpha, colours } = manner;
-    let header = Header {
-        name: name.clone(),
-        channels: *channels,
-        size: light.size(),
-        format: *format,
-        layout: *layout,
-        bits: *bits,
-        tone: tone.clone(),
-        orientation: orientation.to_exif(),
-        icc: icc.clone(),
-        exif: exif.clone(),
-        colours: *colours,
-        alpha: alpha.is_some(),
-        raw: *raw,
-        coding: coding.clone(),
-        camera: camera.clone(),
-        stored: *stored,
-        file: *file,
-        losses: losses.clone(),
-        notes: notes.clone(),
-    };
-    write(out, &Answer::Photo(Box::new(header)))?;
+    let Photo { light, channels, coding, manner, .. } = photo;
+    let alpha = manner.alpha.as_ref();
+    write_any(out, &Answer::Photo(Header { photo, size: light.size(), alpha: alpha.is_some() }))?;
     for plane in channels.list().iter().map(|&channel| light.plane(channel)).chain(alpha) {
         let bytes: Vec<u8> = plane.data().iter().flat_map(|v| v.to_le_bytes()).collect();
         out.write_all(&bytes)?;
@@ -190,11 +153,12 @@ pub(super) fn read(bytes: &mut &[u8]) -> Result<Answer, &'static str> {
 /// # Errors
 /// A few words on the flaw.
 pub(super) fn read_photo(
-    header: Header,
+    header: Header<Box<Photo>>,
     bytes: &mut &[u8],
     allowed: Size,
 ) -> Result<Photo, &'static str> {
     header.validate(allowed)?;
+    let mut photo = *header.photo;
     let mut plane = || {
         let (plane, rest) = bytes.split_at_checked(4 * allowed.area()).ok_or("planes cut short")?;
         *bytes = rest;
@@ -205,55 +169,32 @@ pub(super) fn read_photo(
         }
         Plane::from_vec(allowed, light).ok_or("planes of another size")
     };
-    let light = match header.channels {
+    photo.light = match photo.channels {
         Channels::Colour => Frame::from_planes([plane()?, plane()?, plane()?]),
         Channels::Green => {
             Frame::from_planes([Plane::zeros(allowed), plane()?, Plane::zeros(allowed)])
         }
     };
-    let alpha = if header.alpha { Some(plane()?) } else { None };
-    let coding = match header.coding {
-        Some(coding) => Some(read_coding(coding, bytes, allowed)?),
-        None => None,
-    };
+    photo.manner.alpha = if header.alpha { Some(plane()?) } else { None };
+    if let Some(coding) = photo.coding.take() {
+        photo.coding = Some(read_coding(coding, bytes, allowed)?);
+    }
     if !bytes.is_empty() {
         return Err("more than the photo");
     }
-    Ok(Photo {
-        name: header.name,
-        light,
-        raw: header.raw,
-        coding,
-        camera: header.camera,
-        channels: header.channels,
-        manner: Manner {
-            format: header.format,
-            layout: header.layout,
-            bits: header.bits,
-            tone: header.tone,
-            orientation: Orientation::from_exif(header.orientation)
-                .ok_or("an unknown orientation")?,
-            icc: header.icc,
-            exif: header.exif,
-            alpha,
-            colours: header.colours,
-        },
-        stored: header.stored,
-        file: header.file,
-        losses: header.losses,
-        notes: header.notes,
-    })
+    Ok(photo)
 }
 
-impl Header {
+impl Header<Box<Photo>> {
     /// Checks all that is not checked on reading the planes.
     fn validate(&self, allowed: Size) -> Result<(), &'static str> {
-        let steps = match self.bits {
+        let Photo { manner, raw, channels, .. } = &*self.photo;
+        let steps = match manner.bits {
             8 => 256,
             16 => 65536,
             _ => return Err("samples of another depth"),
         };
-        if self.size != allowed || !self.tone.has_steps(steps) {
+        if self.size != allowed || !manner.tone.has_steps(steps) {
             return Err("a photo of another size");
         }
         let is_sound = |raw: RawSites| {
@@ -262,10 +203,10 @@ impl Header {
                 && raw.counts_per_level.is_finite()
                 && raw.counts_per_level > 0.0
         };
-        if !self.raw.is_none_or(|raw| is_sound(raw) && self.channels == Channels::Colour) {
+        if !raw.is_none_or(|raw| is_sound(raw) && *channels == Channels::Colour) {
             return Err("invalid raw sites");
         }
-        if !self.colours.is_none_or(|colours| colours.are_sound() && self.raw.is_some()) {
+        if !manner.colours.is_none_or(|colours| colours.are_sound() && raw.is_some()) {
             return Err("invalid colours");
         }
         Ok(())
