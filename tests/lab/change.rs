@@ -51,8 +51,6 @@ pub(crate) struct Taking {
     pub(crate) jpeg: Option<u8>,
     /// Whether a camera with filters develops it.
     pub(crate) developed: bool,
-    /// Distance of the scene's right half, where it has one of its own.
-    pub(crate) right_half_mm: Option<f64>,
 }
 
 impl Change {

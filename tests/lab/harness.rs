@@ -13,7 +13,7 @@ use relens::frame::{Channel, Frame, Plane, Work};
 use relens::measurement::{calibrate, to_the_end};
 use relens::picture::Tone;
 use relens::pipeline::{Outcome, Prepared, Restoration, Solved};
-use relens::rig::simulated::{Depth, Witness, open};
+use relens::rig::simulated::{Witness, open};
 
 use crate::change::{Change, NOTHING, Taking, To, simulation};
 use crate::{Failure, seconds};
@@ -132,7 +132,7 @@ impl Harness {
 
     /// A photo of `light`, photo-sized, with noise of `seed`.
     pub(crate) fn photograph(&self, light: &Frame<Work>, seed: u64) -> Result<TestPhoto, Failure> {
-        let Taking { brighter, noise_levels, jpeg, developed, right_half_mm } = self.taking;
+        let Taking { brighter, noise_levels, jpeg, developed } = self.taking;
         let tone = Tone::of_curve(self.config().photo.curve, 8);
         let camera = self.camera.as_ref().unwrap_or(&self.witness);
         let times = 1.0 + brighter as f32;
@@ -144,36 +144,15 @@ impl Harness {
         let as_codes = |codes: &Frame<Work, u8>| {
             TestPhoto::developed(Frame::from_fn(|c| tone.plane(c, codes.plane(c))))
         };
-        let photo = match (jpeg, right_half_mm) {
-            (Some(quality), _) => {
-                as_codes(&through_jpeg(&camera.photograph(&light, seed), quality)?)
-            }
-            (None, Some(mm)) => {
-                let parts = self.halves(mm)?;
-                as_codes(&camera.photograph_in_depth(&light, &parts, seed)?)
-            }
-            (None, None) if developed => as_codes(&camera.photograph(&light, seed)),
-            (None, None) => TestPhoto::taken(camera, self.config().photo.curve, &light, seed),
+        let photo = match jpeg {
+            Some(quality) => as_codes(&through_jpeg(&camera.photograph(&light, seed), quality)?),
+            None if developed => as_codes(&camera.photograph(&light, seed)),
+            None => TestPhoto::taken(camera, self.config().photo.curve, &light, seed),
         };
         if noise_levels > 0.0 {
             camera.set_read_noise_levels(quiet);
         }
         Ok(photo)
-    }
-
-    /// A scene with its left half at the panel's distance, its right one at `right_mm`.
-    fn halves(&self, right_mm: f64) -> Result<[Depth; 2], Failure> {
-        let simulation =
-            self.config().simulation().ok_or("found a real rig, allowed a simulated")?;
-        let lens = &simulation.lens.prescription;
-        let size = self.config().photo.size();
-        let half = |right: bool| {
-            Plane::from_fn(size, |x, _| f32::from(u8::from((2 * x >= size.width) == right)))
-        };
-        Ok([
-            Depth { distance_mm: lens.object_distance_mm, share: half(false) },
-            Depth { distance_mm: right_mm, share: half(true) },
-        ])
     }
 
     /// The ideal result of a photo of `light`: clipped and shaded as the photo.

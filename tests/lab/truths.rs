@@ -10,7 +10,7 @@ use relens::frame::Mosaic;
 use crate::change::{Swept, To, lens, simulation, swept};
 
 /// The effects; the first strength of each is an ideal rig's.
-pub(crate) static TRUTHS: [Swept; 12] = [
+pub(crate) static TRUTHS: [Swept; 11] = [
     swept("filters; photo raw", "times the noise", NOISY, To::File(filters)),
     swept(
         "filters; photo developed",
@@ -27,12 +27,6 @@ pub(crate) static TRUTHS: [Swept; 12] = [
     // The lens stays focused on the panel, at 4 m.
     swept("scene nearer", "m", |_| [4.0, 3.8, 3.6, 3.2, 2.5], SCENE_AT),
     swept("scene farther", "m", |_| [4.0, 4.4, 5.0, 8.0, 16.0], SCENE_AT),
-    swept(
-        "half the scene farther",
-        "m",
-        |_| [4.0, 4.4, 5.0, 8.0, 16.0],
-        To::Photo(|taking, metres| taking.right_half_mm = Some(1000.0 * metres)),
-    ),
     swept(
         "wander and vibration",
         "px a capture",

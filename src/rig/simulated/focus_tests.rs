@@ -63,38 +63,6 @@ fn a_lens_focused_nearer_magnifies_the_panel_and_blurs_it() {
     assert!(off.rms() < 1e-3, "{}", off.rms());
 }
 
-#[test]
-fn a_scene_of_two_depths_is_sharp_where_the_lens_is_focused() {
-    let (config, _, witness) = quiet_with(&[NO_GLARE]);
-    let (_, _, all_far) = quiet_simulated_with(&[NO_GLARE], |simulation| {
-        simulation.lens.prescription.scene_distance_mm = Some(8000.0);
-    });
-    let size = config.photo.size();
-    let scene: Frame<Work> = Frame::from_fn(|c| {
-        Plane::from_fn(size, |x, y| ((x / 5 + y / 7 + c.index()) % 2 * 180 + 30) as f32)
-    });
-    let half = |left: bool| Plane::from_fn(size, |x, _| f32::from(u8::from((x < 128) == left)));
-    let parts = [
-        Depth { distance_mm: 4000.0, share: half(true) },
-        Depth { distance_mm: 8000.0, share: half(false) },
-    ];
-    let both = witness.photograph_in_depth(&scene, &parts, 3).expect("a traced lens");
-    let [near, far] = [&witness, &all_far].map(|w| w.photograph(&scene, 3));
-    let worst = |other: &Frame<Work, u8>, columns: std::ops::Range<usize>| {
-        let mut worst = 0;
-        for (a, b) in both.planes().iter().zip(other.planes()) {
-            for y in 0..size.height {
-                let pairs = a.row(y)[columns.clone()].iter().zip(&b.row(y)[columns.clone()]);
-                worst = pairs.map(|(a, b)| a.abs_diff(*b)).max().unwrap_or(0).max(worst);
-            }
-        }
-        worst
-    };
-    // A function reaches 9 pixels; the scene mirrored at the frame is the same to both.
-    assert!(worst(&near, 0..118) <= 1 && worst(&far, 138..256) <= 1);
-    assert!(worst(&far, 0..118) > 30 && worst(&near, 138..256) > 30);
-}
-
 /// Displacement of `seen` against `still` by least squares on the gradients of `still`, green.
 fn displacement(seen: &[f64], still: &[f64], width: usize) -> [f64; 2] {
     let (mut xx, mut xy, mut yy, mut xd, mut yd) = (0.0, 0.0, 0.0, 0.0, 0.0);

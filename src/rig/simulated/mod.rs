@@ -27,7 +27,7 @@ mod witness;
 pub use optics::Light;
 pub use photograph::RawPhoto;
 pub use wear::Wear;
-pub use witness::{Depth, Witness};
+pub use witness::Witness;
 
 use std::sync::Arc;
 

@@ -16,13 +16,6 @@ pub struct RawPhoto {
     pub mosaic: Mosaic,
 }
 
-/// A part of a scene at one distance, with the lens `optics` for it.
-pub(super) struct Layer<'a> {
-    pub(super) optics: &'a Optics,
-    /// Its share of each of the photo's pixels, 0..1; `None` for the whole scene.
-    pub(super) share: Option<&'a Plane>,
-}
-
 /// Light of a scene behind the lens: photo-sized, linear, 0..255.
 pub(super) struct SceneLight<'a> {
     sensor: &'a SimulatedSensor,
@@ -32,44 +25,15 @@ pub(super) struct SceneLight<'a> {
 }
 
 impl<'a> SceneLight<'a> {
-    /// Light of `scene` behind the lens, with blur, lateral colour and dark corners. `scene` is as
-    /// recorded by a perfect lens with the green channel's geometry. Blurred layers add up, without
-    /// occlusion.
+    /// Light of `scene` behind the lens `optics`, with blur, lateral colour and dark corners.
+    /// `scene` is as recorded by a perfect lens with the green channel's geometry.
     pub(super) fn new(
-        layers: &[Layer],
+        optics: &Optics,
         sensor: &'a SimulatedSensor,
         scene: &Frame<Work>,
         surround: Surround,
         seed: u64,
     ) -> SceneLight<'a> {
-        let mut sum: Option<SceneLight> = None;
-        for layer in layers {
-            let part = Self::of_layer(layer, sensor, scene, surround, seed);
-            match &mut sum {
-                None => sum = Some(part),
-                Some(sum) => {
-                    for (all, light) in sum.light.iter_mut().zip(&part.light) {
-                        all.add_scaled(1.0, light);
-                    }
-                }
-            }
-        }
-        sum.unwrap_or_else(|| SceneLight {
-            sensor,
-            part: Rect { x: 0, y: 0, size: scene.size() },
-            light: [0, 1, 2].map(|_| Plane::zeros(scene.size())),
-            seed,
-        })
-    }
-
-    fn of_layer(
-        layer: &Layer,
-        sensor: &'a SimulatedSensor,
-        scene: &Frame<Work>,
-        surround: Surround,
-        seed: u64,
-    ) -> SceneLight<'a> {
-        let Layer { optics, share } = layer;
         // The scene fills the sensor or the photo.
         let whole = Rect { x: 0, y: 0, size: optics.sensor };
         let part = if scene.size() == whole.size { whole } else { optics.photo };
@@ -79,11 +43,7 @@ impl<'a> SceneLight<'a> {
         let planes: Vec<Plane> = Channel::ALL
             .par_iter()
             .map(|&channel| {
-                let mut there = scene.plane(channel).clone();
-                if let Some(share) = share {
-                    there.data_mut().iter_mut().zip(share.data()).for_each(|(v, s)| *v *= s);
-                }
-                let wide = surrounded(&there, optics.grid(), on_grid, surround);
+                let wide = surrounded(scene.plane(channel), optics.grid(), on_grid, surround);
                 let mut seen = optics.through_lens(Light::Scene, channel, &wide).crop(on_grid);
                 let falloff = falloff[channel.index()].crop(part);
                 for (level, share) in seen.data_mut().iter_mut().zip(falloff.data()) {

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use super::devices::Shared;
 use super::optics::{Light, Optics};
 use super::panel::Projection;
-use super::photograph::{Layer, RawPhoto, SceneLight, surrounded};
+use super::photograph::{RawPhoto, SceneLight, surrounded};
 use super::pose::PanelMap;
 use super::wear::Wear;
 use crate::config::{Curve, Faults, Pose, Prescription, Simulation, Surround, Unrest};
@@ -27,15 +27,6 @@ pub struct Witness {
     pub(super) simulation: Simulation,
 }
 
-/// A part of a scene at one distance.
-#[derive(Debug, Clone)]
-pub struct Depth {
-    /// Distance from the part to the first refracting surface.
-    pub distance_mm: f64,
-    /// Its share of each of the photo's pixels, 0..1; the parts add up to 1.
-    pub share: Plane,
-}
-
 impl Witness {
     /// Photograph of `scene`, photo-sized linear light 0..255 as recorded by a perfect lens with
     /// the green channel's geometry. Returns the codes of a camera's file: 8 bits in the photo's
@@ -46,8 +37,7 @@ impl Witness {
     pub fn photograph(&self, scene: &Frame<Work>, seed: u64) -> Frame<Work, u8> {
         assert_eq!(scene.size(), self.optics.photo.size, "a scene has the photo's size");
         let sensor = self.shared.bench().sensor.clone();
-        let all = [Layer { optics: &self.optics, share: None }];
-        SceneLight::new(&all, &sensor, scene, self.surround, seed).developed(self.curve)
+        SceneLight::new(&self.optics, &sensor, scene, self.surround, seed).developed(self.curve)
     }
 
     /// `scene` (photo-sized, linear light) with the lens's dark corners only.
@@ -68,8 +58,7 @@ impl Witness {
     pub fn photograph_raw(&self, scene: &Frame<Work>, seed: u64) -> Option<RawPhoto> {
         assert_eq!(scene.size(), self.optics.photo.size, "a scene has the photo's size");
         let sensor = self.shared.bench().sensor.clone();
-        let all = [Layer { optics: &self.optics, share: None }];
-        SceneLight::new(&all, &sensor, scene, self.surround, seed).raw()
+        SceneLight::new(&self.optics, &sensor, scene, self.surround, seed).raw()
     }
 
     /// Puts `scene` (sensor-sized linear light) before the lens instead of the panel; `None` brings
@@ -81,39 +70,9 @@ impl Witness {
         let light = scene.map(|scene| {
             assert_eq!(scene.size(), self.optics.sensor, "the whole sensor sees the scene");
             let sensor = self.shared.bench().sensor.clone();
-            let all = [Layer { optics: &self.optics, share: None }];
-            Arc::new(SceneLight::new(&all, &sensor, scene, self.surround, 0).light)
+            Arc::new(SceneLight::new(&self.optics, &sensor, scene, self.surround, 0).light)
         });
         self.shared.bench().scene = light;
-    }
-
-    /// [`Witness::photograph`] of a scene with parts at several distances, at the rig's focus.
-    ///
-    /// # Errors
-    /// When the lens has no real image of a part.
-    ///
-    /// # Panics
-    /// When `scene` or a part is not photo-sized.
-    pub fn photograph_in_depth(
-        &self,
-        scene: &Frame<Work>,
-        parts: &[Depth],
-        seed: u64,
-    ) -> Result<Frame<Work, u8>, RigError> {
-        let size = self.optics.photo.size;
-        let fits = scene.size() == size && parts.iter().all(|part| part.share.size() == size);
-        assert!(fits, "a scene and its parts have the photo's size");
-        let lenses = parts
-            .iter()
-            .map(|part| self.optics_of(|lens| lens.scene_distance_mm = Some(part.distance_mm)))
-            .collect::<Result<Vec<Optics>, RigError>>()?;
-        let layers: Vec<Layer> = lenses
-            .iter()
-            .zip(parts)
-            .map(|(optics, part)| Layer { optics, share: Some(&part.share) })
-            .collect();
-        let sensor = self.shared.bench().sensor.clone();
-        Ok(SceneLight::new(&layers, &sensor, scene, self.surround, seed).developed(self.curve))
     }
 
     /// Optics of this rig with its lens changed.
