@@ -61,7 +61,7 @@ impl Rig {
 
     /// Width and height of its photos, in pixels.
     pub fn photo_size(&self) -> Size {
-        self.file.photo.size()
+        self.file.photo_grid().photo.size
     }
 
     /// Reads the photo in the file `path`: JPEG, PNG or TIFF of 8 or 16 bits, in the shape of the

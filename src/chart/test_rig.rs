@@ -139,10 +139,14 @@ impl TestRig {
         Ok(TestRig { stopwatch, config, rig, photos: Photos::Shown, pipeline })
     }
 
-    /// The same with photos by the simulated camera of `witness`.
+    /// The same with photos by the simulated camera of `witness`. Those of a binned camera, which
+    /// methods take binned, are shown on the panel.
     #[must_use]
     pub fn witnessed(self, witness: Arc<Witness>) -> TestRig {
-        TestRig { photos: Photos::Witnessed(witness), ..self }
+        match self.config.camera.binning {
+            1 => TestRig { photos: Photos::Witnessed(witness), ..self },
+            _ => self,
+        }
     }
 
     /// The rig file.

@@ -105,6 +105,14 @@ pub(super) fn run(options: &CalibrateOptions) -> Result<(), CliError> {
              reach of its functions"
         ));
     }
+    let (by, more) = (rig.camera.binning, calibration.binning_without_loss(rig.camera.binning));
+    if more > 1 {
+        say(&format!(
+            "the lens passes nothing finer than {more} of these pixels: binning = {} in [camera] \
+             loses nothing, and takes less time and memory",
+            by * more
+        ));
+    }
     match rig.restore.operating_point {
         Some(wanted) => choose_setting(rig, devices, calibration, &kept, wanted),
         None => Ok(()),

@@ -35,7 +35,7 @@ pub(super) struct PhotographOptions {
 
 /// Runs `relens photograph`.
 pub(super) fn run(options: &PhotographOptions) -> Result<(), CliError> {
-    let rig = config::load(&options.rig.rig)?;
+    let rig = config::load(&options.rig.rig)?.unbinned();
     let format = format_of(&options.out)?;
     must_be_new(&options.out)?;
     let sharp =

@@ -87,7 +87,8 @@ fn gain(word: &str) -> Result<f64, String> {
 
 /// Runs `relens shoot`.
 pub(super) fn run(options: &ShootOptions) -> Result<(), CliError> {
-    let rig = config::load(&options.rig.rig)?;
+    let file = config::load(&options.rig.rig)?;
+    let rig = file.unbinned();
     let out = &options.out;
     let raw = out.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("dng"));
     let format = if raw { None } else { Some(format_of(out)?) };
@@ -98,6 +99,10 @@ pub(super) fn run(options: &ShootOptions) -> Result<(), CliError> {
     must_be_new(out)?;
     make_inbox(&options.folder.folder, out)?;
     let mut rigged = open_before_scene(&rig, options)?;
+    if file.simulation().is_none() && file.camera.binning > 1 {
+        // The noise of binned pixels was measured, not that of their sites.
+        rigged.sensor.noise = None;
+    }
     let range = rigged.sensor.range;
     let gain = set_gain(&mut rigged, options.gain)?;
     let times = set_exposure(&mut rigged.devices, mosaic, range, options.exposure)?;

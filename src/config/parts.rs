@@ -58,6 +58,11 @@ table! {
 table! {
     /// Sensor, and the photo's place on it.
     pub struct CameraTable {
+        /// Sensor pixels along each side of a pixel of the solver: their means are captured,
+        /// solved and judged, and results return to the photo's own pixels. For lenses whose blur
+        /// is many sensor pixels wide. `[canvas]`, `[marks]` and `[calibration]` count such binned
+        /// pixels; sensor and photo are whole numbers of them.
+        binning: usize, Of(&[1, 2, 4, 8]), Means("1");
         /// Sensor pixels in a row.
         width_px: usize, Whole(16, 16384), Never;
         /// Sensor rows.

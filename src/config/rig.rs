@@ -21,7 +21,7 @@ pub struct RigFile {
     pub photo: PhotoTable,
     /// Display.
     pub panel: PanelTable,
-    /// Sensor, and the photo's place on it.
+    /// Sensor, and the photo's place on it, in binned pixels as all lengths here.
     pub camera: CameraTable,
     /// Grid of the solver.
     pub canvas: CanvasTable,
@@ -76,10 +76,26 @@ impl RigFile {
         Rect { x: self.camera.photo_x_px, y: self.camera.photo_y_px, size: self.photo.size() }
     }
 
-    /// Grid of the rig's photos.
+    /// Grid of the rig's photos, in the camera's own pixels.
     pub fn photo_grid(&self) -> PhotoGrid {
-        let sensor = Size::new(self.camera.width_px, self.camera.height_px);
-        PhotoGrid { sensor, photo: self.photo_on_sensor() }
+        let by = self.camera.binning;
+        let own = |size: Size| Size::new(by * size.width, by * size.height);
+        let Rect { x, y, size } = self.photo_on_sensor();
+        let photo = Rect { x: by * x, y: by * y, size: own(size) };
+        PhotoGrid { sensor: own(self.camera.size()), photo }
+    }
+
+    /// The rig with its camera's own pixels as those of the solver.
+    #[must_use]
+    pub fn unbinned(&self) -> RigFile {
+        let PhotoGrid { sensor, photo } = self.photo_grid();
+        let mut own = self.clone();
+        own.canvas.margin_px *= own.camera.binning;
+        (own.photo.width_px, own.photo.height_px) = (photo.size.width, photo.size.height);
+        let camera = &mut own.camera;
+        (camera.width_px, camera.height_px) = (sensor.width, sensor.height);
+        (camera.photo_x_px, camera.photo_y_px, camera.binning) = (photo.x, photo.y, 1);
+        own
     }
 
     /// Size of the canvas: the photo with its margins.
@@ -121,8 +137,12 @@ impl RigFile {
         }
     }
 
-    /// Colour filters of the sensor's sites, if it has any and sends them raw.
+    /// Colour filters of the sensor's sites, if it has any and sends them raw; binned pixels have
+    /// all colours.
     pub fn mosaic(&self) -> Option<Mosaic> {
+        if self.camera.binning > 1 {
+            return None;
+        }
         match &self.kind {
             Kind::Simulated(simulation) => simulation.sensor.mosaic,
             Kind::Hardware(hardware) => Mosaic::of_format(hardware.camera.format()),

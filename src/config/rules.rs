@@ -11,10 +11,11 @@ use super::simulation::{Simulation, SimulationTable};
 use super::written::RigTables;
 
 /// Checks the rules across keys and computes the identity.
-pub(super) fn check(written: RigTables, places: &Places) -> Result<RigFile, ConfigError> {
+pub(super) fn check(mut written: RigTables, places: &Places) -> Result<RigFile, ConfigError> {
     if written.hardware.is_some() && !cfg!(feature = "hardware") {
         return Err(ConfigError::NoHardware(places.file.clone()));
     }
+    bin(places, &mut written)?;
     check_canvas(places, &written)?;
     check_marks(places, &written)?;
     check_times(places, &written)?;
@@ -29,6 +30,9 @@ pub(super) fn check(written: RigTables, places: &Places) -> Result<RigFile, Conf
     ));
     if let Some(focus) = &camera.focus {
         identity.take(focus);
+    }
+    if camera.binning > 1 {
+        identity.take(&camera.binning);
     }
     let kind = match written.hardware.clone() {
         Some(hardware) => {
@@ -62,6 +66,25 @@ pub(super) fn check(written: RigTables, places: &Places) -> Result<RigFile, Conf
         disk: written.disk,
         identity: identity.0,
     })
+}
+
+/// Converts sizes and places of sensor and photo to binned pixels.
+fn bin(places: &Places, written: &mut RigTables) -> Result<(), ConfigError> {
+    let RigTables { photo, camera, .. } = written;
+    let by = camera.binning;
+    for (key, px) in [
+        ("camera.width-px", &mut camera.width_px),
+        ("camera.height-px", &mut camera.height_px),
+        ("camera.photo-x-px", &mut camera.photo_x_px),
+        ("camera.photo-y-px", &mut camera.photo_y_px),
+        ("photo.width-px", &mut photo.width_px),
+        ("photo.height-px", &mut photo.height_px),
+    ] {
+        let allowed = format_args!("a multiple of camera.binning, which is {by}");
+        places.hold(*px % by == 0, key, *px, allowed)?;
+        *px /= by;
+    }
+    Ok(())
 }
 
 fn needed<T>(places: &Places, table: &str, value: Option<T>) -> Result<T, ConfigError> {

@@ -155,7 +155,7 @@ table! {
         /// Pixel pitch of the sensor.
         pixel_pitch_um: f64, Number(0.1, 1000.0), Never;
         /// Width and height of a point spread function.
-        support_px: usize, Odd(3, 255), Never;
+        support_px: usize, Odd(3, 511), Never;
         /// Columns of the grid of traced functions over the sensor; its rows follow from the
         /// sensor's aspect ratio.
         node_columns: usize, Whole(2, 128), Never;
@@ -231,7 +231,7 @@ table! {
     pub struct Pose {
         /// Sensor pixels covered by one panel pixel at the centre.
         // The simulated panel's area weights reach over three panel pixels.
-        sensor_px_per_panel_px: f64, Number(0.5, 1.0), Never;
+        sensor_px_per_panel_px: f64, Number(0.5, 8.0), Never;
         /// Offset of the panel's centre to the right of the sensor's, in sensor pixels.
         shift_x_px: f64, Number(-1e4, 1e4), Never;
         /// Offset of the panel's centre below the sensor's, in sensor pixels.

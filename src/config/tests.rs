@@ -424,3 +424,18 @@ fn a_pwm_channel_is_for_pulses_that_are_exposures() {
     let said = message(parse(&text.replace("channel = 2", "channel = -1"), "gs.toml"));
     assert!(said.contains("channel") && said.contains("allowed 0 to 255"), "{said}");
 }
+
+#[test]
+fn a_binned_camera_has_whole_binned_pixels() {
+    let binned = |by: &str| changed("[camera]\n", &format!("[camera]\nbinning = {by}\n"));
+    let (own, by_two) = (changed("[camera]", "[camera]").unwrap(), binned("2").unwrap());
+    assert_eq!(by_two.photo_grid(), own.photo_grid());
+    assert_eq!(by_two.photo.size(), Size::new(128, 96));
+    assert_eq!(by_two.unbinned().photo_on_sensor(), own.photo_on_sensor());
+    assert_ne!(by_two.identity, own.identity);
+    assert_eq!(binned("1").unwrap().identity, own.identity);
+    assert!(message(binned("3")).contains("camera.binning: found 3"));
+    let odd = SMALL.replacen("[camera]", "[camera]\nbinning = 2", 1).replacen("= 288", "= 289", 1);
+    let said = message(parse(&odd, "small.toml"));
+    assert!(said.contains("camera.width-px: found 289, allowed a multiple of"), "{said}");
+}

@@ -200,7 +200,8 @@ fn derive(whole: &mut toml::Table) {
     derive_geometry(whole);
     let exposure_ms = number_of(whole, "camera", "exposure-ms");
     set_if_missing(whole, "camera", "deadline-ms", (DEADLINE_EXPOSURES * exposure_ms).into());
-    let patch_px = whole_of(whole, "photo", "width-px") * PATCH_PX / PATCH_PHOTO_PX;
+    let binning = whole_of(whole, "camera", "binning").max(1);
+    let patch_px = whole_of(whole, "photo", "width-px") / binning * PATCH_PX / PATCH_PHOTO_PX;
     set_if_missing(whole, "paper", "patch-px", patch_px.clamp(4, PATCH_PX).into());
     let radius_px = whole_of(whole, "calibration", "function-support-px") / 2;
     set_if_missing(whole, "paper", "margin-px", radius_px.into());
@@ -210,13 +211,19 @@ fn derive(whole: &mut toml::Table) {
 fn derive_geometry(whole: &mut toml::Table) {
     let radius_px = whole_of(whole, "calibration", "function-support-px") / 2;
     set_if_missing(whole, "canvas", "margin-px", radius_px.into());
-    let margin_px = whole_of(whole, "canvas", "margin-px");
+    let by = whole_of(whole, "camera", "binning").max(1);
+    let margin_px = by * whole_of(whole, "canvas", "margin-px");
     for (size, place) in [("width-px", "photo-x-px"), ("height-px", "photo-y-px")] {
         let sensor_px = whole_of(whole, "camera", size);
         let photo_px = (sensor_px - 2 * margin_px).max(0);
         set_if_missing(whole, "photo", size, photo_px.into());
         let photo_px = whole_of(whole, "photo", size);
-        set_if_missing(whole, "camera", place, ((sensor_px - photo_px).max(0) / 2).into());
+        set_if_missing(
+            whole,
+            "camera",
+            place,
+            ((sensor_px - photo_px).max(0) / (2 * by) * by).into(),
+        );
     }
 }
 

@@ -4,6 +4,7 @@
 //! [`SensorSpace`] (camera pixels, raw counts) and [`Work`] (the photo's own grid, linear light,
 //! 0..255 full scale as in the paper). Every plane is row-major, height × width.
 
+pub mod binning;
 pub mod block_transform;
 mod channel;
 mod coding;

@@ -29,6 +29,7 @@ pub use optical_residual::{CertifiedFocus, Confirmation, OpticalResidual};
 pub use outcome::{Iteration, Outcome, Restoration, Verdict};
 pub use outliers::{Outliers, areas};
 pub use photo_data::{PhotoData, Recorded};
+pub use prepare::SATURATION_SHARE;
 pub use raw_noise::AVERAGED_MIN;
 pub(crate) use setting::counted;
 pub use setting::{Chosen, Setting};

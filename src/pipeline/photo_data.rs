@@ -21,6 +21,13 @@ pub enum Recorded<'a> {
     Developed,
     /// At the sites of the rig's sensor.
     Raw(RawSites),
+    /// As means of squares of pixels.
+    Binned {
+        /// Whether pixels in a mean are saturated.
+        saturated: &'a Frame<Work, bool>,
+        /// The sites of a raw photo between which the pixels were interpolated.
+        raw: Option<RawSites>,
+    },
     /// As quantised coefficients, whose codes `tone` maps to light.
     Jpeg {
         /// The file's coefficients.

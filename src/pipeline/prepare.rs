@@ -33,7 +33,7 @@ use crate::picture::Tone;
 
 /// Photo values at or above this share of full scale count as saturated (8-bit files clip at 255;
 /// the code below it counts as data).
-const SATURATION_SHARE: f32 = 0.998;
+pub const SATURATION_SHARE: f32 = 0.998;
 
 /// Note for a JPEG that was coded before.
 const CODED_TWICE: &str = "this JPEG was made from another JPEG with coarser steps: it is restored \
@@ -46,6 +46,15 @@ impl Pipeline {
         match recorded {
             Recorded::Developed => self.prepare_developed(light, channels),
             Recorded::Raw(raw) => self.prepare_raw(light, raw),
+            Recorded::Binned { saturated, raw } => {
+                let mut prepared = match raw {
+                    Some(raw) => self.prepare_binned_sites(light, raw),
+                    None => self.prepare_developed(light, channels),
+                };
+                let Observation { trust, rect, .. } = &mut prepared.observation;
+                mark_saturated(trust, *rect, saturated);
+                prepared
+            }
             Recorded::Jpeg { coding, tone } => self.prepare_jpeg(light, channels, coding, tone),
         }
     }
@@ -60,6 +69,19 @@ impl Pipeline {
         prepared.focus = self.focus_of(&prepared, &|c, light| {
             noise[c.index()].max(self.noise[c.index()].sigma(light))
         });
+        prepared
+    }
+
+    /// Means of raw sites of the rig's own sensor are divided by its gain pattern, and bad ones are
+    /// missing.
+    fn prepare_binned_sites<'a>(&self, photo: &'a Frame<Work>, raw: RawSites) -> Prepared<'a> {
+        let raw = raw.in_units_of(self.own_counts_per_level);
+        let mut prepared = self.place(photo, self.evened(photo, &raw), Channels::Colour);
+        self.mark_missing(&mut prepared.observation, SiteGains::is_bad);
+        let own = self.noise_at(&raw);
+        let estimated = prepared.observation.noise;
+        prepared.focus = self
+            .focus_of(&prepared, &|c, light| estimated[c.index()].max(own[c.index()].sigma(light)));
         prepared
     }
 
@@ -112,15 +134,10 @@ impl Pipeline {
         let raw = raw.in_units_of(self.own_counts_per_level);
         let one_exposure = self.noise_at(&raw);
         let (raw, note) = plausible_noise(raw, &one_exposure);
-        let (_, rect) = data_term::canvas_of(photo.size(), self.correction.layout().margin_px);
-        let straight = self.straighten(photo, Some(FULL_SCALE * raw.counts_per_level));
-        let even = match self.correction.sites() {
-            Some(sites) => Cow::Owned(sites.evened(rect, |c, x, y| straight.plane(c).at(x, y))),
-            None => straight,
-        };
-        let mut prepared = self.place(photo, even, Channels::Colour);
+        let mut prepared = self.place(photo, self.evened(photo, &raw), Channels::Colour);
         prepared.notes.extend(note);
         self.mark_missing(&mut prepared.observation, SiteGains::is_bad);
+        let rect = prepared.observation.rect;
         let mosaic = raw.mosaic.from_place(rect.x, rect.y);
         for channel in Channel::ALL {
             let plane = prepared.observation.trust.plane_mut(channel);
@@ -173,6 +190,16 @@ impl Pipeline {
             let lens = self.lens_of(photo).functions();
             photo.is_of_sharper_lens =
                 check_spectrum(lens, &data, false) == Some(SpectralFinding::SharperLens);
+        }
+    }
+
+    /// The raw `photo` in linear light of equal sites.
+    fn evened<'a>(&self, photo: &'a Frame<Work>, raw: &RawSites) -> Cow<'a, Frame<Work>> {
+        let (_, rect) = data_term::canvas_of(photo.size(), self.correction.layout().margin_px);
+        let straight = self.straighten(photo, Some(FULL_SCALE * raw.counts_per_level));
+        match self.correction.sites() {
+            Some(sites) => Cow::Owned(sites.evened(rect, |c, x, y| straight.plane(c).at(x, y))),
+            None => straight,
         }
     }
 
@@ -265,6 +292,18 @@ impl Pipeline {
         let sigma = data_term::noise_of(photo).max(camera);
         let coding = blocking_of(photo);
         EstimatedNoise { sigma: sigma.hypot(coding), coding }
+    }
+}
+
+/// Marks in `trust`, on the canvas, the pixels of the photo at `rect` that are `saturated`.
+fn mark_saturated(trust: &mut Frame<Work, u8>, rect: Rect, saturated: &Frame<Work, bool>) {
+    for c in Channel::ALL {
+        let (trust, saturated) = (trust.plane_mut(c), saturated.plane(c));
+        for y in 0..rect.size.height {
+            let row = trust.row_mut(rect.y + y)[rect.x..].iter_mut().zip(saturated.row(y));
+            row.filter(|(trust, is)| **is && **trust == TRUSTED)
+                .for_each(|(trust, _)| *trust = SATURATED);
+        }
     }
 }
 

@@ -6,11 +6,13 @@
 //! | [`on_rig`] | a rig with its [`Pipeline`](crate::pipeline::Pipeline) and its files |
 //! | [`operating_point`] | the method and numbers chosen for the rig, on flash |
 //! | [`photo_file`] | a photo that the rig takes, as a file |
+//! | `binned` | a photo on a coarser grid of the solver |
 //! | `baseline` | the pilot's reading from which drift is measured, on flash |
 //! | `progress` | how far a restoration is |
 //! | `provenance` | which camera took a raw photo |
 
 mod baseline;
+mod binned;
 pub mod diffuser;
 pub mod focus;
 pub mod on_rig;

@@ -4,6 +4,7 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use super::binned::BinnedPhoto;
 use super::photo_file::{self, SensorFacts, TakenPhoto};
 use super::progress::ProgressCounter;
 use super::{PanelView, Progress, Restorer, baseline, diffuser, operating_point, provenance};
@@ -196,7 +197,12 @@ impl Restorer for OnRig {
         if let Some(reason) = photo.why_too_small() {
             return Ok(Outcome::untouched(photo.light.clone(), reason));
         }
-        let prepared = self.pipeline.prepare(photo);
+        let by = self.config.camera.binning;
+        let binned = (by > 1).then(|| BinnedPhoto::of(photo, by));
+        let prepared = match &binned {
+            Some(binned) => self.pipeline.prepare(binned.data()),
+            None => self.pipeline.prepare(photo),
+        };
         let Restoration { mut outcome, .. } =
             self.pipeline.restore(&mut self.devices, &prepared, &*self.method, &mut watch)?;
         if photo.raw.is_some() {
@@ -205,10 +211,14 @@ impl Restorer for OnRig {
         outcome.notes.extend(prepared.notes);
         if outcome.verdict != Verdict::Untouched {
             outcome.notes.extend(self.remove_vignetting(&mut outcome.picture));
-            let pair = [&photo.light, &outcome.picture].map(|light| photo.for_display(light));
+            let solved = binned.as_ref().map_or(&photo.light, |binned| &binned.light);
+            let pair = [solved, &outcome.picture].map(|light| photo.for_display(light));
             self.last = Some(pair.into());
             let noise = prepared.observation.noise[Channel::Green.index()];
             outcome.notes.push(format!("noise of the photo: {noise:.2} grey levels"));
+        }
+        if let Some(binned) = &binned {
+            binned.carry(&mut outcome, photo, prepared.observation.noise);
         }
         Ok(outcome)
     }
@@ -247,10 +257,14 @@ impl Restorer for OnRig {
     }
 
     fn take(&mut self) -> Result<Option<TakenPhoto>, AnyFailure> {
-        let noise = self.pipeline.site_noise();
-        let (range, gains) = (self.count_range(), self.gains);
-        let sensor = SensorFacts { range, gains, noise: Some(noise) };
-        photo_file::take(&mut self.devices, &self.config, &sensor).map(Some)
+        let own = self.config.unbinned();
+        // The noise of a binned pixel is not that of its sites.
+        let noise = (self.config.camera.binning == 1).then(|| self.pipeline.site_noise());
+        let sensor = SensorFacts { range: self.count_range(), gains: self.gains, noise };
+        self.devices.camera.deliver_own(true);
+        let taken = photo_file::take(&mut self.devices, &own, &sensor);
+        self.devices.camera.deliver_own(false);
+        taken.map(Some)
     }
 
     fn look_for_panel(&mut self) -> Result<PanelView, AnyFailure> {

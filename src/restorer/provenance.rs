@@ -35,7 +35,7 @@ pub(super) fn other_camera(
             return Some(other_setting("the focus", &found, &allowed));
         }
     }
-    let allowed = config.photo_mosaic();
+    let allowed = config.unbinned().photo_mosaic();
     (allowed != Some(raw.mosaic)).then(|| {
         let none = "developed photos, for the rig's camera has no raw sites";
         Flaw::OtherCamera(format!(

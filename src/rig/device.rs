@@ -60,6 +60,11 @@ pub trait Camera {
     /// # Errors
     /// [`RigError::NoFrame`] if none arrives in time, [`RigError::Gone`] if the camera disconnects.
     fn frame(&mut self, deadline: Moment) -> Result<Exposed, RigError>;
+    /// Delivers the sensor's own pixels from now on, or binned ones again. Without effect on a
+    /// camera that is not binned.
+    fn deliver_own(&mut self, own: bool) {
+        let _ = own;
+    }
     /// Takes back the memory of a frame for reuse.
     fn give_back(&mut self, counts: Counts) {
         drop(counts);

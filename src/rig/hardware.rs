@@ -4,6 +4,7 @@ use std::path::Path;
 
 use linux_embedded_hal::Delay;
 
+use super::binned::binned;
 use super::button::Button;
 use super::exposure::{Devices, Timing};
 use super::gpio_line::{LineName, OutputLine};
@@ -28,7 +29,8 @@ pub fn open(rig: &config::RigFile, hardware: &Hardware) -> Result<Devices, RigEr
     let pulse_us = hardware.pulse_us(rig.camera.exposure_ms);
     let pulsed = hardware.camera.exposure_by() == ExposureBy::Pulse;
     let trigger = open_trigger(&hardware.trigger, pulse_us, pulsed)?;
-    let camera = camera::open(&rig.camera, hardware)?;
+    let own = camera::open(&rig.unbinned().camera, hardware)?;
+    let camera = binned(own, rig.camera.binning, rig.camera.count_max());
     let timing = Timing::of(&rig.panel, &rig.camera);
     let mut devices = Devices::new(panel, trigger, camera, Box::new(Monotonic), timing);
     // A PWM channel sends no pulses before the first exposure.

@@ -8,6 +8,7 @@
 //! of [`pixel_format`].
 
 pub mod bayer;
+mod binned;
 pub mod button;
 #[cfg(feature = "hardware")]
 pub mod camera;

@@ -3,6 +3,7 @@
 //! `cargo run --release --example lab -- WHAT --rig RIG.toml --out DIR`; see [`Experiment`].
 
 mod appearance;
+mod binned;
 mod capture_sharpening;
 mod change;
 mod chart;
@@ -66,6 +67,12 @@ struct Options {
     /// Stored rows of `speed-accuracy` or `stability`: draws from them and measures nothing
     #[arg(long)]
     rows: Option<PathBuf>,
+    /// Pixels of the camera of `binned` for each of the rig's, along each side
+    #[arg(long, default_value = "2")]
+    times: usize,
+    /// Binnings of `binned`
+    #[arg(long, value_delimiter = ',', default_value = "1,2")]
+    binnings: Vec<usize>,
     /// Folder of more photographs, for `colour` and `jpeg`
     #[arg(long)]
     pictures: Option<PathBuf>,
@@ -93,6 +100,8 @@ enum Experiment {
     Strange,
     /// Gain of captures over the measured lens alone
     Regimes,
+    /// A camera finer than its lens: photos solved at its own grid, and binned
+    Binned,
     /// Time and quality of the rig's own method
     Pace,
     /// Speed against accuracy of the program's methods and a raw developer's sharpening
@@ -118,8 +127,8 @@ fn main() -> ExitCode {
 
 fn run(options: &Options) -> Result<(), Failure> {
     use Experiment::{
-        Colour, ColourCrops, Conditions, Figures, Foreign, Jpeg, JpegFiles, Judging, Pace, Regimes,
-        SpeedAccuracy, Stability, Strange, Worth, WrongModels,
+        Binned, Colour, ColourCrops, Conditions, Figures, Foreign, Jpeg, JpegFiles, Judging, Pace,
+        Regimes, SpeedAccuracy, Stability, Strange, Worth, WrongModels,
     };
     let Options { what, out, quick, rows, pictures, .. } = options;
     if let Some(group) = options.group {
@@ -159,6 +168,7 @@ fn run(options: &Options) -> Result<(), Failure> {
         (ColourCrops, _) => colour_crops::run(&rig),
         (Jpeg, _) => jpeg::run(&rig, *quick, pictures.as_deref()),
         (JpegFiles, _) => jpeg_files::run(&rig, *quick),
+        (Binned, _) => binned::run(&rig, *quick, options.times, &options.binnings),
         (Pace, _) => pace::run(&rig, *quick),
         (Regimes, _) => regimes::run(&rig),
         (Worth, _) => worth::run(&rig, *quick),

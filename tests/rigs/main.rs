@@ -6,6 +6,7 @@
 #![allow(clippy::unwrap_used, clippy::print_stdout)]
 
 mod averaged;
+mod binned;
 mod broad_light;
 mod calibration;
 mod divergence;

@@ -11,10 +11,10 @@ use relens::picture::{Format, Limits, Photo, PhotoCamera, RigSetting};
 use relens::rig::simulated;
 use relens::{Outcome, Rig, Verdict};
 
-const SCENE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenes/coffee.png");
+pub(crate) const SCENE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenes/coffee.png");
 
 /// Writes truthful.toml with `changes` of its lines.
-fn rig_file(folder: &Path, name: &str, changes: &[(&str, &str)]) -> PathBuf {
+pub(crate) fn rig_file(folder: &Path, name: &str, changes: &[(&str, &str)]) -> PathBuf {
     let truthful = Path::new(env!("CARGO_MANIFEST_DIR")).join("rig-config/truthful.toml");
     let mut text = std::fs::read_to_string(truthful).unwrap();
     for (own, other) in changes {
@@ -27,7 +27,12 @@ fn rig_file(folder: &Path, name: &str, changes: &[(&str, &str)]) -> PathBuf {
 }
 
 /// Takes a photo of the scene by the program; returns exit code and standard error.
-fn shoot(folder: &Path, rig: &Path, out: &str, options: &[&str]) -> (Option<i32>, String) {
+pub(crate) fn shoot(
+    folder: &Path,
+    rig: &Path,
+    out: &str,
+    options: &[&str],
+) -> (Option<i32>, String) {
     let output = Command::new(env!("CARGO_BIN_EXE_relens"))
         .args(["shoot", "--rig"])
         .arg(rig)

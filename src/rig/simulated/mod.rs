@@ -37,6 +37,7 @@ use self::optics::Optics;
 use self::panel::{Projection, Shading};
 use self::stripes::Beat;
 use super::RigError;
+use super::binned::binned;
 use super::exposure::{Devices, Timing};
 use crate::config;
 
@@ -52,6 +53,7 @@ pub fn open(rig: &config::RigFile) -> Result<(Devices, Witness), RigError> {
             allowed: "a simulated one".to_owned(),
         });
     };
+    let (binning, rig) = (rig.camera.binning, &rig.unbinned());
     let optics = Arc::new(Optics::new(simulation, rig.camera.size(), rig.photo_on_sensor())?);
     let pose = simulation.pose.clone();
     let map = optics.map(&pose, rig.panel.size());
@@ -74,7 +76,7 @@ pub fn open(rig: &config::RigFile) -> Result<(Devices, Witness), RigError> {
     let devices = Devices::new(
         Box::new(SimulatedPanel(shared.clone())),
         Box::new(SimulatedTrigger(shared.clone())),
-        Box::new(SimulatedCamera(shared.clone())),
+        binned(Box::new(SimulatedCamera(shared.clone())), binning, rig.camera.count_max()),
         Box::new(SimulatedClock(shared.clone())),
         Timing::of(&rig.panel, &rig.camera),
     );

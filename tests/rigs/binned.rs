@@ -1,0 +1,79 @@
+//! A camera finer than its lens: photos are solved binned and delivered in their own pixels.
+
+use std::path::Path;
+
+use relens::chart::scenes::cut;
+use relens::config::{self, Curve};
+use relens::frame::Size;
+use relens::picture::{Limits, Photo};
+use relens::rig::simulated;
+use relens::{Outcome, Rig, Verdict};
+
+use crate::raw_file::{SCENE, rig_file, score, shoot};
+
+/// The lens of truthful.toml before pixels of 12 µm, behind which it blurs by three times as many.
+fn finer(folder: &Path, binning: usize) -> std::path::PathBuf {
+    let support = if binning == 1 { 43 } else { 21 };
+    let (support, margin) = (format!("px = {support} #"), format!("px = {} #", 16 / binning));
+    let camera = format!("width-px = 576\nbinning = {binning}\n");
+    rig_file(
+        folder,
+        &format!("{binning}.toml"),
+        &[
+            ("width-px = 256", "width-px = 512"),
+            ("height-px = 192", "height-px = 384"),
+            ("width-px = 288\n", &camera),
+            ("height-px = 224", "height-px = 448"),
+            ("margin-px = 8 #", &format!("margin-{margin}")),
+            ("square-px = 20", "square-px = 30"),
+            ("function-support-px = 13 #", &format!("function-support-{support}")),
+            ("pitch-um = 40.0", "pitch-um = 12.0"),
+            ("support-px = 19 ", "support-px = 63 "),
+            ("radius-px = 15.0", "radius-px = 50.0"),
+            ("per-panel-px = 0.86", "per-panel-px = 1.72"),
+        ],
+    )
+}
+
+/// A raw and a developed photo of the scene, with their results and gains of SSIM and dB.
+fn restored(folder: &Path, binning: usize) -> Vec<(Photo, Outcome, [f64; 2])> {
+    let path = finer(folder, binning);
+    let name = format!("{binning}.dng");
+    assert_eq!(shoot(folder, &path, &name, &[]), (Some(0), String::new()));
+    let mut rig = Rig::open(&path).unwrap();
+    let photos = [rig.read(folder.join(name)).unwrap(), rig.photograph(SCENE, 1).unwrap()];
+    let slots = folder.join(format!("slots-{binning}"));
+    rig.calibrate(&slots).unwrap();
+    let mut restorer = rig.restorer(&slots).unwrap();
+    let file = config::load(&path).unwrap();
+    let (_, witness) = simulated::open(&file).unwrap();
+    let sharp = Photo::read(Path::new(SCENE), Curve::Srgb, &Limits::default()).unwrap().in_colour();
+    let grid = file.photo_grid();
+    let truths = [cut(&sharp, grid.sensor).crop(grid.photo), cut(&sharp, grid.photo.size)];
+    let gain = |(photo, truth): (Photo, _)| {
+        let outcome = restorer.restore(&photo).unwrap();
+        assert_eq!(outcome.verdict, Verdict::Sound, "{}", outcome.reason);
+        let truth = witness.shaded(&truth);
+        let ([ssim, db], [own_ssim, own_db]) =
+            (score(&outcome.picture, &truth), score(&photo.light, &truth));
+        (photo, outcome, [ssim - own_ssim, db - own_db])
+    };
+    photos.into_iter().zip(truths).map(gain).collect()
+}
+
+#[test]
+fn a_binned_camera_s_photos_gain_as_at_their_own_grid() {
+    let folder = tempfile::tempdir().unwrap();
+    let (own, binned) = (restored(folder.path(), 1), restored(folder.path(), 2));
+    for ((_, _, own), (photo, outcome, binned)) in own.iter().zip(&binned) {
+        println!("{}: {own:.4?} by its own grid, {binned:.4?} binned", photo.name);
+        assert_eq!(outcome.picture.size(), Size::new(512, 384));
+        let notes = outcome.notes.join("; ");
+        assert!(notes.contains("solved at 256×192"), "{notes}");
+        assert!(outcome.confirmation().is_some(), "it was photographed");
+    }
+    for ((_, _, own), (photo, _, binned)) in own.iter().zip(&binned) {
+        let shares = [binned[0] / own[0], binned[1] / own[1]];
+        assert!(shares.iter().all(|&share| share > 0.9), "{}: {shares:.3?}", photo.name);
+    }
+}
