@@ -2,9 +2,14 @@
 //! rig's operating point from the same scores.
 
 pub mod appearance;
+pub mod axes;
 pub mod contestants;
+pub mod drawing;
 mod drawn;
+pub mod labels;
+pub mod marks;
 pub mod operating_point;
+pub mod scatter;
 pub mod scenes;
 pub mod table;
 pub mod test_rig;
@@ -12,6 +17,7 @@ pub mod trade;
 
 use crate::config::RigFile;
 use contestants::{Contestant, contestants};
+use drawing::Drawing;
 use scenes::Scene;
 use table::Table;
 use test_rig::{Score, TestRig, TestRigError};
@@ -58,11 +64,13 @@ impl ChartPlan {
     }
 }
 
-/// A chart as tables.
+/// A chart: its drawing and its tables.
 #[derive(Debug)]
 pub struct Chart {
-    /// Stem of the summary's name.
+    /// Stem of the names of drawing and summary.
     pub stem: String,
+    /// Speed against accuracy.
+    pub drawing: Drawing,
     /// A row for each point.
     pub summary: Table,
     /// A row for each photo and point.
@@ -70,12 +78,16 @@ pub struct Chart {
 }
 
 impl Chart {
-    /// Tabulates `trade`, measured on `rig`; `notes` follow the caption of the summary.
+    /// Draws `trade`, measured on `rig`; `notes` follow the caption of drawing and summary.
     pub fn new(rig: &RigFile, trade: &Trade, notes: &[String]) -> Chart {
         let megapixels = rig.photo.size().area() as f64 / 1e6;
         let photos = photos(rig, trade);
+        let mut below = vec![photos.clone()];
+        below.extend_from_slice(notes);
+        let title = format!("Speed against accuracy, rig {}", rig.name);
         Chart {
             stem: format!("{}-speed-accuracy", rig.name),
+            drawing: scatter::draw(trade, &scatter::Words { title, megapixels, below }),
             summary: trade.table(caption(rig, trade, &photos, notes), megapixels),
             scores: trade.score_table(format!("Rig {}, photo by photo.", rig.name)),
         }
@@ -83,7 +95,7 @@ impl Chart {
 }
 
 /// The photos of `trade` in words.
-pub fn photos(rig: &RigFile, trade: &Trade) -> String {
+fn photos(rig: &RigFile, trade: &Trade) -> String {
     let scores = trade.points.first().map_or(&[][..], |point| &point.scores);
     let takes = scores.iter().map(|score| score.take + 1).max().unwrap_or(1);
     let mut scenes: Vec<&str> = scores.iter().map(|score| score.scene.name()).collect();

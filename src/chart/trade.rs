@@ -143,6 +143,23 @@ impl Trade {
         self.points.first()?.photo(measure)
     }
 
+    /// Standard deviation over the photos of what `point` gains over the rig file's setting.
+    /// `None` with fewer than three photos.
+    pub fn spread(&self, point: &Point, measure: Measure) -> Option<f64> {
+        let filed = self.points.iter().find(|point| point.is_filed)?;
+        let pairs = point.scores.iter().zip(&filed.scores);
+        let gain = |(own, filed): (&Score, &Score)| {
+            Some(measure.of(&own.result)? - measure.of(&filed.result)?)
+        };
+        let gains: Vec<f64> = pairs.map(gain).collect::<Option<_>>()?;
+        if gains.len() < 3 {
+            return None;
+        }
+        let mean = gains.iter().sum::<f64>() / gains.len() as f64;
+        let squares: f64 = gains.iter().map(|gain| (gain - mean).powi(2)).sum();
+        Some((squares / (gains.len() - 1) as f64).sqrt())
+    }
+
     /// Indices of the `points` that no other beats in both `seconds` and `worth`, fastest first.
     pub fn front(
         points: &[Point],

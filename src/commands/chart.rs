@@ -14,10 +14,10 @@ use super::options::{FolderOption, RigOption};
 use super::output::say;
 use super::{opening, progress};
 
-/// Tabulate speed against accuracy of the methods on known scenes
+/// Draw speed against accuracy of the methods on known scenes
 ///
-/// Restores known scenes with the methods in several settings. The folder gets the tables
-/// (Markdown) and their numbers (CSV). On a rig of devices the scenes are shown on its
+/// Restores known scenes with the methods in several settings. The folder gets the drawing (SVG),
+/// the tables (Markdown) and their numbers (CSV). On a rig of devices the scenes are shown on its
 /// panel, with the calibration in --folder.
 #[derive(Debug, Args)]
 #[command(after_help = "\
@@ -29,7 +29,7 @@ pub(super) struct ChartOptions {
     rig: RigOption,
     #[command(flatten)]
     folder: FolderOption,
-    /// Folder for the tables, made if missing
+    /// Folder for drawing and tables, made if missing
     #[arg(short, long, value_name = "DIR", value_hint = ValueHint::DirPath)]
     out: PathBuf,
     /// Take one photo of each scene instead of three
@@ -78,6 +78,7 @@ pub(super) fn run(options: &ChartOptions) -> Result<(), CliError> {
         write(format!("{stem}.csv"), table.csv())?;
         say(&table.markdown());
     }
+    write(format!("{stem}.svg"), chart.drawing.svg())?;
     say(&format!("written to {}", out.display()));
     Ok(())
 }

@@ -6,7 +6,6 @@ mod appearance;
 mod binned;
 mod capture_sharpening;
 mod change;
-mod chart;
 mod colour;
 mod colour_crops;
 mod conditions;

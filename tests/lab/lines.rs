@@ -1,6 +1,6 @@
 //! Line charts with axes, ticks and a legend.
 
-use crate::chart::drawing::{Anchor, Colour, Drawing, FAINT, HARM, INK, Stroke};
+use relens::chart::drawing::{Anchor, Colour, Drawing, FAINT, HARM, INK, Stroke};
 
 /// Left, right, top and bottom of the field.
 const FIELD: [f64; 4] = [78.0, 640.0, 48.0, 400.0];

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use crate::chart::drawing::Drawing;
+use relens::chart::drawing::Drawing;
 use relens::chart::table::Table;
 use relens::frame::Plane;
 

@@ -4,15 +4,14 @@
 
 use std::path::Path;
 
+use relens::chart::Chart;
 use relens::chart::contestants::{Contestant, contestants};
 use relens::chart::scenes::Scene;
 use relens::chart::test_rig::{PictureQuality, Score, TestRig};
 use relens::chart::trade::{Point, Trade};
-use relens::chart::{Chart, photos};
 use relens::config::RigFile;
 
 use crate::capture_sharpening::sharpen;
-use crate::chart::scatter;
 use crate::csv::cells_of_csv;
 use crate::made::{self, Made};
 use crate::{Failure, report, seconds};
@@ -69,11 +68,7 @@ fn drawn(rig: &RigFile, mut trade: Trade) -> Result<Made, Failure> {
     // The rig file's own setting is measured first, and lies on a line of its family.
     trade.points.sort_by(|a, b| a.family.cmp(&b.family));
     let command = format!("`lab speed-accuracy --rig {}.toml`", rig.name);
-    let megapixels = rig.photo.size().area() as f64 / 1e6;
-    let title = format!("Speed against accuracy, rig {}", rig.name);
-    let below = vec![photos(rig, &trade), command.clone()];
-    let drawing = scatter::draw(&trade, &scatter::Words { title, megapixels, below });
-    let Chart { stem, summary, scores } = Chart::new(rig, &trade, &[command]);
+    let Chart { stem, drawing, summary, scores } = Chart::new(rig, &trade, &[command]);
     Ok(Made {
         tables: vec![(stem.clone(), summary), (format!("{}-by-scene", rig.name), scores)],
         drawings: vec![(stem, drawing)],

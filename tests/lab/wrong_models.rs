@@ -1,9 +1,9 @@
 //! Gain of captures where the measured lens is wrong: lens model alone and with captures, by steps.
 
-use crate::chart::axes::{Axes, ValueScale};
-use crate::chart::drawing::{Anchor, Colour, Drawing, HARM, INK, Stroke};
-use crate::chart::marks::Outline;
+use relens::chart::axes::{Axes, ValueScale};
 use relens::chart::contestants::Contestant;
+use relens::chart::drawing::{Anchor, Colour, Drawing, HARM, INK, Stroke};
+use relens::chart::marks::Outline;
 use relens::chart::scenes::Scene;
 use relens::chart::table::Table;
 use relens::chart::test_rig::Score;

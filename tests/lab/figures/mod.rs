@@ -23,7 +23,7 @@ mod stage;
 
 use std::path::Path;
 
-use crate::chart::drawing::Drawing;
+use relens::chart::drawing::Drawing;
 use relens::chart::table::Table;
 use relens::config::RigFile;
 use relens::frame::Plane;

@@ -1,7 +1,7 @@
 //! The map of faults and methods: where results gain or harm, in luma and in colour, and what is
 //! delivered.
 
-use crate::chart::drawing::{Anchor, Colour, Drawing, Stroke};
+use relens::chart::drawing::{Anchor, Colour, Drawing, Stroke};
 
 use super::cells::{Cell, Sense, methods_of, swept_of};
 

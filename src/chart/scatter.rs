@@ -5,8 +5,7 @@ use super::axes::{Axes, ValueScale};
 use super::drawing::{Anchor, Drawing, HARM, INK, Stroke};
 use super::labels::{self, Area, Label};
 use super::marks::mark_of;
-use relens::chart::test_rig::Score;
-use relens::chart::trade::{Measure, Point, Trade};
+use super::trade::{Measure, Point, Trade};
 
 const WIDTH: f64 = 1000.0;
 const FIELD: [f64; 4] = [70.0, 84.0, 980.0, 560.0];
@@ -20,17 +19,17 @@ const ROOM_ABOVE: f64 = 0.15;
 
 /// Words about a chart.
 #[derive(Debug, Clone)]
-pub(crate) struct Words {
+pub struct Words {
     /// The heading.
-    pub(crate) title: String,
+    pub title: String,
     /// Size of a photo.
-    pub(crate) megapixels: f64,
+    pub megapixels: f64,
     /// Lines below: photos, machine, command.
-    pub(crate) below: Vec<String>,
+    pub below: Vec<String>,
 }
 
 /// Draws the chart of `trade`.
-pub(crate) fn draw(trade: &Trade, words: &Words) -> Drawing {
+pub fn draw(trade: &Trade, words: &Words) -> Drawing {
     let [left, top, right, bottom] = FIELD;
     let mut sheet = Drawing::light_and_dark(WIDTH, bottom + 56.0 + 16.0 * words.below.len() as f64);
     sheet.words(&words.title, [left, 28.0], Anchor::Start, 18.0);
@@ -126,7 +125,7 @@ impl<'a> ScatterPanel<'a> {
     /// Standard deviations of single photos' gains.
     fn bars(&self, sheet: &mut Drawing) {
         for point in &self.trade.points {
-            let Some(spread) = spread(self.trade, point, MEASURE).filter(|&s| s > 0.0) else {
+            let Some(spread) = self.trade.spread(point, MEASURE).filter(|&s| s > 0.0) else {
                 continue;
             };
             let x = self.x(point);
@@ -222,23 +221,6 @@ impl<'a> ScatterPanel<'a> {
         names.append(&mut settings);
         labels::draw(sheet, &names, Area(FIELD), &obstacles);
     }
-}
-
-/// Standard deviation over the photos of what `point` gains over the rig file's setting.
-/// `None` with fewer than three photos.
-fn spread(trade: &Trade, point: &Point, measure: Measure) -> Option<f64> {
-    let filed = trade.points.iter().find(|point| point.is_filed)?;
-    let pairs = point.scores.iter().zip(&filed.scores);
-    let gain = |(own, filed): (&Score, &Score)| {
-        Some(measure.of(&own.result)? - measure.of(&filed.result)?)
-    };
-    let gains: Vec<f64> = pairs.map(gain).collect::<Option<_>>()?;
-    if gains.len() < 3 {
-        return None;
-    }
-    let mean = gains.iter().sum::<f64>() / gains.len() as f64;
-    let squares: f64 = gains.iter().map(|gain| (gain - mean).powi(2)).sum();
-    Some((squares / (gains.len() - 1) as f64).sqrt())
 }
 
 /// Colour of the front.

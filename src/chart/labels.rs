@@ -4,24 +4,24 @@ use super::drawing::{Anchor, Colour, Drawing, Stroke};
 
 /// Words of a point.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Label {
+pub struct Label {
     /// The words.
-    pub(crate) words: String,
+    pub words: String,
     /// The point's place on the sheet.
-    pub(crate) point: [f64; 2],
+    pub point: [f64; 2],
     /// Colour of the words.
-    pub(crate) colour: Colour,
+    pub colour: Colour,
     /// Height of the letters.
-    pub(crate) size: f64,
+    pub size: f64,
 }
 
 /// A rectangle of the sheet: left, top, right, bottom.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Area(pub(crate) [f64; 4]);
+pub struct Area(pub [f64; 4]);
 
 impl Area {
     /// The square about `[x, y]`, `half` to each side.
-    pub(crate) fn about([x, y]: [f64; 2], half: f64) -> Area {
+    pub fn about([x, y]: [f64; 2], half: f64) -> Area {
         Area([x - half, y - half, x + half, y + half])
     }
 
@@ -54,7 +54,7 @@ const DIRECTIONS: [[f64; 2]; 8] = [
 
 /// Draws `labels` within `field`, clear of `obstacles` and of each other as far as there is room,
 /// with a thin line to the point where the nearest places are taken.
-pub(crate) fn draw(sheet: &mut Drawing, labels: &[Label], field: Area, obstacles: &[Area]) {
+pub fn draw(sheet: &mut Drawing, labels: &[Label], field: Area, obstacles: &[Area]) {
     let mut taken = obstacles.to_vec();
     for label in labels {
         let area = place(label, &field, &taken);

@@ -4,7 +4,7 @@ use super::drawing::{Anchor, Drawing, FAINT, INK, Stroke};
 
 /// Scale of a measure.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum ValueScale {
+pub enum ValueScale {
     /// Proportional to the value.
     Linear,
     /// Logarithmic in the distance from 1, for SSIM: differences of good results stay visible.
@@ -17,29 +17,29 @@ const BELOW_ONE: [f64; 14] =
 
 /// A panel's field on the sheet and the values at its ends.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Axes {
+pub struct Axes {
     /// Left and right end on the sheet.
-    pub(crate) across: [f64; 2],
+    pub across: [f64; 2],
     /// Upper and lower end on the sheet.
-    pub(crate) down: [f64; 2],
+    pub down: [f64; 2],
     /// Least and most seconds.
-    pub(crate) seconds: [f64; 2],
+    pub seconds: [f64; 2],
     /// Least and largest value of the measure.
-    pub(crate) values: [f64; 2],
+    pub values: [f64; 2],
     /// Scale of the measure.
-    pub(crate) scale: ValueScale,
+    pub scale: ValueScale,
 }
 
 impl Axes {
     /// Place of `seconds` across the sheet, at an end if beyond it.
-    pub(crate) fn x(&self, seconds: f64) -> f64 {
+    pub fn x(&self, seconds: f64) -> f64 {
         let [from, to] = self.seconds.map(f64::ln);
         let share = (seconds.max(1e-6).ln() - from) / (to - from);
         self.across[0] + share.clamp(0.0, 1.0) * (self.across[1] - self.across[0])
     }
 
     /// Place of `value` down the sheet, at an end if beyond it.
-    pub(crate) fn y(&self, value: f64) -> f64 {
+    pub fn y(&self, value: f64) -> f64 {
         let scaled = |value: f64| match self.scale {
             ValueScale::Linear => value,
             ValueScale::LogBelowOne => -(1.0 - value).max(1e-3).ln(),
@@ -50,7 +50,7 @@ impl Axes {
     }
 
     /// Draws grid and axes; numbers of the measure only with `numbers`.
-    pub(crate) fn draw(&self, sheet: &mut Drawing, numbers: bool) {
+    pub fn draw(&self, sheet: &mut Drawing, numbers: bool) {
         let ([left, right], [top, bottom]) = (self.across, self.down);
         let narrow = (right - left) / (self.seconds[1] / self.seconds[0]).log10() < 120.0;
         for decade in -3..5 {

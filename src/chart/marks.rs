@@ -4,7 +4,7 @@ use super::drawing::Colour;
 
 /// Shape of a mark, which tells methods apart without colour.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Outline {
+pub enum Outline {
     /// A regular polygon of so many corners, one of them on top.
     Polygon(usize),
     /// The same with a side on top.
@@ -15,13 +15,13 @@ pub(crate) enum Outline {
 
 /// Mark of a family of methods.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct Mark {
+pub struct Mark {
     /// The family.
-    pub(crate) family: &'static str,
+    pub family: &'static str,
     /// Its colour.
-    pub(crate) colour: Colour,
+    pub colour: Colour,
     /// Its shape.
-    pub(crate) outline: Outline,
+    pub outline: Outline,
 }
 
 const fn mark(family: &'static str, colour: Colour, outline: Outline) -> Mark {
@@ -44,13 +44,13 @@ const MARKS: [Mark; 7] = [
 const OTHER: Mark = mark("", Colour(0x44, 0x44, 0x44), Outline::Star(4));
 
 /// The mark of `family`.
-pub(crate) fn mark_of(family: &str) -> Mark {
+pub fn mark_of(family: &str) -> Mark {
     MARKS.into_iter().find(|mark| mark.family == family).unwrap_or(OTHER)
 }
 
 impl Outline {
     /// Corners about `centre`, `radius` from it.
-    pub(crate) fn corners(self, [x, y]: [f64; 2], radius: f64) -> Vec<[f64; 2]> {
+    pub fn corners(self, [x, y]: [f64; 2], radius: f64) -> Vec<[f64; 2]> {
         let around = |count: usize, turns: f64, radius_of: &dyn Fn(usize) -> f64| {
             let corner = |n: usize| {
                 let angle = std::f64::consts::TAU * (n as f64 / count as f64 + turns);
@@ -71,7 +71,7 @@ impl Outline {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use relens::config::MethodName;
+    use crate::config::MethodName;
 
     #[test]
     fn every_method_has_a_colour_and_a_shape_of_its_own() {

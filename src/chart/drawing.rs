@@ -4,44 +4,44 @@ use std::fmt::{self, Display, Formatter};
 
 /// A colour: red, green, blue, 0..255.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct Colour(pub(crate) u8, pub(crate) u8, pub(crate) u8);
+pub struct Colour(pub u8, pub u8, pub u8);
 
 /// Ink of words and axes.
-pub(crate) const INK: Colour = Colour(0x33, 0x33, 0x33);
+pub const INK: Colour = Colour(0x33, 0x33, 0x33);
 /// Grid lines.
-pub(crate) const FAINT: Colour = Colour(0xee, 0xee, 0xee);
+pub const FAINT: Colour = Colour(0xee, 0xee, 0xee);
 /// The sheet itself.
 const SHEET: Colour = Colour(0xff, 0xff, 0xff);
 /// Results below the untouched photo.
-pub(crate) const HARM: Colour = Colour(0xaa, 0x33, 0x33);
+pub const HARM: Colour = Colour(0xaa, 0x33, 0x33);
 
 /// Style of a line.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Stroke {
+pub struct Stroke {
     /// Its colour.
-    pub(crate) colour: Colour,
+    pub colour: Colour,
     /// Its width, in units of the sheet.
-    pub(crate) width: f64,
+    pub width: f64,
     /// Whether it is dashed.
-    pub(crate) dashed: bool,
+    pub dashed: bool,
 }
 
 impl Stroke {
     /// A solid line.
-    pub(crate) const fn new(colour: Colour, width: f64) -> Self {
+    pub const fn new(colour: Colour, width: f64) -> Self {
         Stroke { colour, width, dashed: false }
     }
 
     /// The same line in dashes.
     #[must_use]
-    pub(crate) const fn dashed(self) -> Self {
+    pub const fn dashed(self) -> Self {
         Stroke { dashed: true, ..self }
     }
 }
 
 /// Alignment of words with their place.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Anchor {
+pub enum Anchor {
     /// The place is their beginning.
     Start,
     /// The place is their middle.
@@ -52,7 +52,7 @@ pub(crate) enum Anchor {
 
 /// A white sheet; later elements cover earlier ones.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Drawing {
+pub struct Drawing {
     width: f64,
     height: f64,
     elements: String,
@@ -68,17 +68,17 @@ const ON_DARK: &str = "<style>text:not([fill]){fill:#222}\
 
 impl Drawing {
     /// An empty sheet.
-    pub(crate) fn new(width: f64, height: f64) -> Self {
+    pub fn new(width: f64, height: f64) -> Self {
         Drawing { width, height, elements: String::new(), dark_too: false }
     }
 
     /// An empty sheet, dark on a dark page.
-    pub(crate) fn light_and_dark(width: f64, height: f64) -> Self {
+    pub fn light_and_dark(width: f64, height: f64) -> Self {
         Drawing { dark_too: true, ..Drawing::new(width, height) }
     }
 
     /// The drawing as an SVG document.
-    pub(crate) fn svg(&self) -> String {
+    pub fn svg(&self) -> String {
         let Drawing { width, height, elements, dark_too } = self;
         let style = if *dark_too { ON_DARK } else { "" };
         format!(
@@ -89,12 +89,12 @@ impl Drawing {
     }
 
     /// A line through points.
-    pub(crate) fn line(&mut self, points: &[[f64; 2]], stroke: Stroke) {
+    pub fn line(&mut self, points: &[[f64; 2]], stroke: Stroke) {
         self.element(&format!("<path d=\"{}\" {stroke}", Path(points)), "path", "");
     }
 
     /// A filled polygon of an opacity 0..1, with a tooltip.
-    pub(crate) fn area(&mut self, corners: &[[f64; 2]], fill: Colour, opacity: f64, tip: &str) {
+    pub fn area(&mut self, corners: &[[f64; 2]], fill: Colour, opacity: f64, tip: &str) {
         let opacity = match opacity {
             1.0.. => String::new(),
             opacity => format!(" opacity=\"{opacity}\""),
@@ -107,7 +107,7 @@ impl Drawing {
     }
 
     /// A closed outline, filled with a colour or with the sheet's, with a tooltip.
-    pub(crate) fn outline(
+    pub fn outline(
         &mut self,
         corners: &[[f64; 2]],
         fill: Option<Colour>,
@@ -123,7 +123,7 @@ impl Drawing {
     }
 
     /// The filled rectangle from corner to corner.
-    pub(crate) fn rectangle(
+    pub fn rectangle(
         &mut self,
         [left, top]: [f64; 2],
         [right, bottom]: [f64; 2],
@@ -135,24 +135,24 @@ impl Drawing {
     }
 
     /// A filled circle with a tooltip.
-    pub(crate) fn disc(&mut self, [x, y]: [f64; 2], radius: f64, fill: Colour, tip: &str) {
+    pub fn disc(&mut self, [x, y]: [f64; 2], radius: f64, fill: Colour, tip: &str) {
         let circle = format!("<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"{radius}\" fill=\"{fill}\"");
         self.element(&circle, "circle", tip);
     }
 
     /// A circle's rim.
-    pub(crate) fn ring(&mut self, [x, y]: [f64; 2], radius: f64, stroke: Stroke) {
+    pub fn ring(&mut self, [x, y]: [f64; 2], radius: f64, stroke: Stroke) {
         let circle = format!("<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"{radius}\" {stroke}");
         self.element(&circle, "circle", "");
     }
 
     /// Words on a base line in letters of height `size`.
-    pub(crate) fn words(&mut self, words: &str, at: [f64; 2], anchor: Anchor, size: f64) {
+    pub fn words(&mut self, words: &str, at: [f64; 2], anchor: Anchor, size: f64) {
         self.text("", words, at, anchor, size);
     }
 
     /// The same in a colour.
-    pub(crate) fn words_in(
+    pub fn words_in(
         &mut self,
         colour: Colour,
         words: &str,
@@ -177,7 +177,7 @@ impl Drawing {
     }
 
     /// Words running upwards, centred.
-    pub(crate) fn words_upwards(&mut self, words: &str, [x, y]: [f64; 2], size: f64) {
+    pub fn words_upwards(&mut self, words: &str, [x, y]: [f64; 2], size: f64) {
         let words = escaped(words);
         self.elements += &format!(
             "<text transform=\"translate({x:.1} {y:.1}) rotate(-90)\" text-anchor=\"middle\" \
