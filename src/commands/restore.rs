@@ -29,8 +29,8 @@ fn methods() -> impl TypedValueParser<Value = MethodName> {
 
 /// Restore photos
 ///
-/// PHOTO is a JPEG, PNG or TIFF, or a raw photo of the rig's sensor (DNG). RESULT is a JPEG, PNG or
-/// TIFF, by its ending. A photo that cannot be restored does not stop the others.
+/// PHOTO is a JPEG, PNG, TIFF, WebP, BMP or GIF, or a raw photo of the rig's sensor (DNG). RESULT
+/// is a JPEG, PNG or TIFF, by its ending. A photo that cannot be restored does not stop the others.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:

@@ -40,8 +40,8 @@ const OPEN_AGAIN_S: f64 = 30.0;
 /// failed with a note of the reason. Nothing is ever overwritten or lost, even when the power
 /// fails.
 ///
-/// A photo is restored once it is complete; an incomplete one waits in the inbox. JPEG, PNG
-/// and TIFF of 8 or 16 bits are read, up to 32 megapixels and 256 MiB, in the shape of the
+/// A photo is restored once it is complete; an incomplete one waits in the inbox. JPEG, PNG, TIFF,
+/// WebP, BMP and GIF of 8 or 16 bits are read, up to 32 megapixels and 256 MiB, in the shape of the
 /// rig's photos; other sizes are resampled to the rig's. A raw photo of the rig's own sensor (DNG,
 /// uncompressed, of the photo's size) gives a 16-bit TIFF. A simulated rig without a calibration
 /// calibrates itself first.

@@ -2,20 +2,24 @@
 //!
 //! [`decode`] is a pure function of the bytes; the daemon runs it in a [`worker`](super::worker).
 
+use std::collections::BTreeSet;
 use std::io::Cursor;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-use image::codecs::{jpeg::JpegDecoder, png::PngDecoder, tiff::TiffDecoder};
+use image::codecs::{
+    bmp::BmpDecoder, gif::GifDecoder, jpeg::JpegDecoder, png::PngDecoder, pnm::PnmDecoder,
+    tiff::TiffDecoder, webp::WebPDecoder,
+};
 use image::{ColorType, ImageDecoder};
 use serde::{Deserialize, Serialize};
 
 use crate::frame::{Coding, PhotoGrid, Size};
 
 use super::dng::{self, RawFile, Sites};
-use super::kind::{Format, recognise};
-use super::metadata::Walked;
+use super::kind::{Content, Format, recognise};
+use super::metadata::{Lost, Walked};
 use super::tone::StatedColours;
-use super::{Flaw, Orientation, exif, jpeg, png, shape, tiff};
+use super::{Flaw, Orientation, exif, jpeg, others, png, shape, tiff};
 
 /// The resources that one photo may take.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -89,7 +93,7 @@ impl PixelLayout {
 /// A decoded file: its samples as stored, and its metadata.
 #[derive(Debug)]
 pub(super) struct Raster {
-    pub(super) format: Format,
+    pub(super) content: Content,
     pub(super) size: Size,
     pub(super) layout: PixelLayout,
     /// 8 or 16.
@@ -100,6 +104,8 @@ pub(super) struct Raster {
     pub(super) icc: Option<Vec<u8>>,
     /// The raw EXIF block, from its TIFF header on.
     pub(super) exif: Option<Vec<u8>>,
+    /// What its result lacks.
+    pub(super) lost: BTreeSet<Lost>,
     /// The camera of a raw photo.
     pub(super) camera: Option<super::PhotoCamera>,
     /// The scale and pattern of a sensor's counts.
@@ -116,7 +122,7 @@ pub(super) struct Raster {
 
 /// A file walked to its end, nothing decoded.
 pub(super) struct Heading {
-    format: Format,
+    content: Content,
     walked: Walked,
     raw: Option<RawFile>,
 }
@@ -129,12 +135,12 @@ pub(super) fn walk(bytes: &[u8], limits: &Limits) -> Result<Heading, Flaw> {
     if bytes.len() as u64 > limits.bytes_max {
         return Err(Flaw::TooLong { found: bytes.len() as u64, allowed: limits.bytes_max });
     }
-    let format = recognise(bytes)?;
+    let content = recognise(bytes)?;
     let mut raw = None;
-    let walked = match format {
-        Format::Jpeg => jpeg::walk(bytes)?,
-        Format::Png => png::walk(bytes)?,
-        Format::Tiff => {
+    let walked = match content {
+        Content::Written(Format::Jpeg) => jpeg::walk(bytes)?,
+        Content::Written(Format::Png) => png::walk(bytes)?,
+        Content::Written(Format::Tiff) => {
             raw = dng::find(bytes)?;
             match &raw {
                 Some(raw) => raw.walked(),
@@ -144,12 +150,14 @@ pub(super) fn walk(bytes: &[u8], limits: &Limits) -> Result<Heading, Flaw> {
                 }
             }
         }
+        // Their size is checked by the decoder's header, before anything is allocated.
+        Content::Bmp | Content::Gif | Content::Pnm | Content::Webp => others::walk(bytes, content)?,
     };
     match walked.size {
         Some(size) if size.width as u64 * size.height as u64 > limits.pixels_max => {
             Err(Flaw::Oversized { found: size, allowed: limits.pixels_max })
         }
-        _ => Ok(Heading { format, walked, raw }),
+        _ => Ok(Heading { content, walked, raw }),
     }
 }
 
@@ -159,11 +167,11 @@ pub(super) fn walk(bytes: &[u8], limits: &Limits) -> Result<Heading, Flaw> {
 /// The [`Flaw`] of the file; nothing large is allocated before the header's size is found within
 /// `limits`.
 pub(super) fn decode(bytes: &[u8], limits: &Limits) -> Result<Raster, Flaw> {
-    let Heading { format, walked, raw } = walk(bytes, limits)?;
-    let Walked { colours, exif, .. } = walked;
+    let Heading { content, walked, raw } = walk(bytes, limits)?;
+    let Walked { lost, colours, exif, .. } = walked;
     if let Some(raw) = raw {
         return Ok(Raster {
-            format,
+            content,
             size: raw.size,
             layout: PixelLayout::Grey,
             bits: 16,
@@ -172,6 +180,7 @@ pub(super) fn decode(bytes: &[u8], limits: &Limits) -> Result<Raster, Flaw> {
                 .unwrap_or(Orientation::NoTransforms),
             icc: None,
             exif,
+            lost,
             camera: raw.camera,
             sites: Some(raw.sites),
             colours: raw.colours,
@@ -183,23 +192,28 @@ pub(super) fn decode(bytes: &[u8], limits: &Limits) -> Result<Raster, Flaw> {
     // Decoders may panic on hostile files, by their own notes.
     let decoded = catch_unwind(AssertUnwindSafe(|| {
         let input = Cursor::new(bytes);
-        match format {
-            Format::Jpeg => {
-                let mut raster = collect(JpegDecoder::new(input), format, limits)?;
+        match content {
+            Content::Written(Format::Jpeg) => {
+                let mut raster = collect(JpegDecoder::new(input), content, limits)?;
                 let step = raster.layout.samples();
                 let agrees = |coding: &Coding| jpeg::agrees(coding, &raster.samples, step);
                 raster.coding = jpeg::coefficients(bytes)
                     .filter(|coding| coding.size == raster.size && agrees(coding));
                 Ok(raster)
             }
-            Format::Png => {
-                collect(PngDecoder::with_limits(input, decoder_limits(limits)), format, limits)
+            Content::Written(Format::Png) => {
+                collect(PngDecoder::with_limits(input, decoder_limits(limits)), content, limits)
             }
-            Format::Tiff => collect(TiffDecoder::new(input), format, limits),
+            Content::Written(Format::Tiff) => collect(TiffDecoder::new(input), content, limits),
+            Content::Bmp => collect(BmpDecoder::new(input), content, limits),
+            Content::Gif => collect(GifDecoder::new(input), content, limits),
+            Content::Pnm => collect(PnmDecoder::new(input), content, limits),
+            Content::Webp => collect(WebPDecoder::new(input), content, limits),
         }
     }));
     let mut raster =
-        decoded.unwrap_or_else(|_| Err(Flaw::BrokeTheDecoder { kind: format.name() }))?;
+        decoded.unwrap_or_else(|_| Err(Flaw::BrokeTheDecoder { kind: content.name() }))?;
+    raster.lost.extend(lost);
     raster.exif = raster.exif.or(exif);
     raster.state(colours);
     Ok(raster)
@@ -233,10 +247,10 @@ const READ: &str = "grey and RGB of 8 or 16 bits; save it so in an image program
 /// Reads all that `decoder` gives.
 fn collect<D: ImageDecoder>(
     decoder: image::ImageResult<D>,
-    format: Format,
+    content: Content,
     limits: &Limits,
 ) -> Result<Raster, Flaw> {
-    let kind = format.name();
+    let kind = content.name();
     let unsupported =
         |found: &str| Flaw::Unsupported { kind, found: found.to_owned(), allowed: READ };
     let undecodable = |error| match error {
@@ -258,6 +272,7 @@ fn collect<D: ImageDecoder>(
     if let Some(grid) = limits.grid {
         shape::check(size, orientation, grid)?;
     }
+    let has_xmp = matches!(decoder.xmp_metadata(), Ok(Some(block)) if !block.is_empty());
     // Set only now, because the TIFF decoder would limit the profile by the picture's size. Up to
     // here its default limits hold.
     decoder.set_limits(decoder_limits(limits)).map_err(undecodable)?;
@@ -268,7 +283,7 @@ fn collect<D: ImageDecoder>(
         _ => raw.chunks_exact(2).map(|b| u16::from_ne_bytes([b[0], b[1]])).collect(),
     };
     Ok(Raster {
-        format,
+        content,
         size,
         layout,
         bits,
@@ -276,6 +291,7 @@ fn collect<D: ImageDecoder>(
         orientation,
         icc,
         exif,
+        lost: has_xmp.then_some(Lost::XMP).into_iter().collect(),
         camera: None,
         sites: None,
         colours: None,
@@ -304,6 +320,21 @@ fn layout_of(colours: ColorType) -> Result<(PixelLayout, u8), &'static str> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// 16×16 pixels by libwebp, quality 95.
+    #[rustfmt::skip]
+    const LOSSY_WEBP: [u8; 60] = [
+        82, 73, 70, 70, 52, 0, 0, 0, 87, 69, 66, 80, 86, 80, 56, 32, 40, 0, 0, 0, 176, 1, 0,
+        157, 1, 42, 16, 0, 16, 0, 0, 128, 8, 37, 148, 2, 116, 186, 0, 6, 61, 128, 0, 254,
+        241, 149, 143, 226, 218, 71, 66, 167, 87, 90, 22, 131, 224, 0, 0, 0,
+    ];
+
+    #[test]
+    fn a_lossy_webp_is_decoded() {
+        let raster = decode(&LOSSY_WEBP, &Limits::default()).unwrap();
+        assert_eq!((raster.size, raster.bits), (Size::new(16, 16), 8));
+        assert!(raster.coding.is_none());
+    }
 
     #[test]
     fn an_oversized_header_is_refused_before_decoding() {

@@ -6,12 +6,15 @@ mod camera;
 mod colours;
 mod write;
 
+use std::collections::BTreeSet;
+
 use super::Flaw;
 use super::exif;
-use super::metadata::Walked;
+use super::metadata::{Lost, Walked};
 use super::tiff::{
-    BITS_PER_SAMPLE, COMPRESSION, Directory, File, IMAGE_LENGTH, IMAGE_WIDTH, NEW_SUBFILE_TYPE,
-    PHOTOMETRIC, ROWS_PER_STRIP, SAMPLE_FORMAT, STRIP_BYTE_COUNTS, STRIP_OFFSETS, SUB_DIRECTORIES,
+    BITS_PER_SAMPLE, COMPRESSION, Directory, File, IMAGE_LENGTH, IMAGE_WIDTH, IPTC,
+    NEW_SUBFILE_TYPE, PHOTOMETRIC, ROWS_PER_STRIP, SAMPLE_FORMAT, STRIP_BYTE_COUNTS, STRIP_OFFSETS,
+    SUB_DIRECTORIES,
 };
 use crate::frame::{FULL_SCALE, Mosaic, Plane, Rect, Size};
 use blocks::SiteBlocks;
@@ -21,6 +24,7 @@ pub use colours::CameraColours;
 pub use write::Dng;
 
 const FILL_ORDER: u16 = 266;
+const XMP: u16 = 700;
 const DESCRIPTION: u16 = 270;
 const MAKE: u16 = 271;
 const MODEL: u16 = 272;
@@ -40,6 +44,7 @@ const WHITE_LEVEL: u16 = 50717;
 const COLOUR_MATRICES: [u16; 2] = [50721, 50722];
 const AS_SHOT_NEUTRAL: u16 = 50728;
 const SERIAL: u16 = 50735;
+const PRIVATE: u16 = 50740;
 const CALIBRATION_ILLUMINANTS: [u16; 2] = [50778, 50779];
 const ACTIVE_AREA: u16 = 50829;
 const NOISE_PROFILE: u16 = 51041;
@@ -89,6 +94,7 @@ pub(super) struct RawFile {
     pub(super) orientation: u8,
     /// What describes the photo, as an EXIF block.
     exif: Option<Vec<u8>>,
+    lost: BTreeSet<Lost>,
     /// The camera, as far as stated.
     pub(super) camera: Option<PhotoCamera>,
     /// Its colours, unless sRGB's.
@@ -161,16 +167,22 @@ pub(super) fn find(bytes: &[u8]) -> Result<Option<RawFile>, Flaw> {
     let raw = directory.raw_file()?;
     let turned = all[0].number(ORIENTATION)?.or(directory.number(ORIENTATION)?);
     let exif = exif::of_tiff(&file, &[all[0].at, directory.at]);
+    let table = [(XMP, Lost::XMP), (IPTC, Lost::IPTC), (PRIVATE, Lost::MAKER_NOTES)];
+    let held = |tag: &u16| all.iter().any(|d| d.find(*tag).is_some());
+    let mut lost: BTreeSet<Lost> =
+        table.into_iter().filter(|(tag, _)| held(tag)).map(|(_, lost)| lost).collect();
+    lost.extend(all.iter().any(Directory::has_maker_notes).then_some(Lost::MAKER_NOTES));
     let orientation = turned.and_then(|o| u8::try_from(o).ok()).unwrap_or(1);
     let (camera, colours) = (all[0].camera(), all[0].colours().or_else(|| directory.colours()));
     let noise = directory.noise().or_else(|| all[0].noise());
-    Ok(Some(RawFile { orientation, exif, camera, colours, noise, ..raw }))
+    Ok(Some(RawFile { orientation, exif, lost, camera, colours, noise, ..raw }))
 }
 
 impl RawFile {
     /// The walk over the file; its size is that of all sites, masked ones included.
     pub(super) fn walked(&self) -> Walked {
-        Walked { size: Some(self.blocks.size()), exif: self.exif.clone(), colours: None }
+        let (size, exif, lost) = (Some(self.blocks.size()), self.exif.clone(), self.lost.clone());
+        Walked { size, exif, lost, colours: None }
     }
 
     /// Its counts, row by row, in the `bytes` of its file.
@@ -245,6 +257,7 @@ impl Directory<'_> {
             active,
             orientation: 1,
             exif: None,
+            lost: BTreeSet::new(),
             camera,
             colours,
             noise,

@@ -42,14 +42,15 @@ pub enum Flaw {
         length: usize,
     },
     /// No photo.
-    #[error("this is not a photo: found {found}, allowed JPEG, PNG, TIFF or DNG")]
+    #[error("this is not a photo: found {found}, allowed JPEG, PNG, TIFF, WebP, BMP, GIF or PPM")]
     NotAPhoto {
         /// The kind of file.
         found: String,
     },
     /// A photo of a kind that is not read.
     #[error(
-        "this kind of photo is not read: found {found}, allowed JPEG, PNG, TIFF or DNG; {to_do}"
+        "this kind of photo is not read: found {found}, allowed JPEG, PNG, TIFF, WebP, BMP, GIF or \
+         PPM; {to_do}"
     )]
     Unread {
         /// The kind of file.

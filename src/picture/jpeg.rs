@@ -14,12 +14,35 @@ mod usual_codes;
 use std::ops::Range;
 
 use super::Flaw;
-use super::metadata::{HOLE_BYTES, Walked, longest_zero_run};
+use super::iptc::{self, RESOURCES};
+use super::metadata::{HOLE_BYTES, Lost, PartTable, Walked, longest_zero_run};
 use crate::frame::Size;
 pub(super) use agreement::agrees;
 pub(super) use coefficients::coefficients;
 use coefficients::decodes_in_full;
 pub(super) use usual_codes::with_usual_codes;
+
+/// Application segments by the beginning of their marker and body, and what is lost with them.
+/// APP13 is searched for IPTC data.
+const APPLICATIONS: PartTable = PartTable {
+    used: &[
+        b"\xe0JF",
+        b"\xe1Exif\0",
+        b"\xe2ICC_PROFILE\0",
+        b"\xecDucky",
+        b"\xedPhoto",
+        b"\xeeAdobe",
+    ],
+    lost: &[
+        (b"\xe1http://ns.adobe.com/x", Lost::XMP),
+        (b"\xe1FLIR\0", Lost::of("the heat camera's data (FLIR)")),
+        (b"\xe2MPF\0", Lost::PICTURES),
+        (b"\xe2FPXR\0", Lost::of("FlashPix data")),
+        (b"\xe2urn:iso:std:iso:ts:21496", Lost::of("the gain map for bright screens")),
+        (b"\xe6GoPro\0", Lost::of("GoPro's data")),
+        (b"\xebJP", Lost::CREDENTIALS),
+    ],
+};
 
 /// The marker of a scan.
 const SCAN: u8 = 0xda;
@@ -30,16 +53,34 @@ const SCAN: u8 = 0xda;
 /// [`Flaw::Truncated`], [`Flaw::ZeroFilled`], [`Flaw::Damaged`], or [`Flaw::Unsupported`] for a
 /// picture in four inks.
 pub(super) fn walk(bytes: &[u8]) -> Result<Walked, Flaw> {
+    let mut walked = Walked::default();
     let mut frame: Option<FrameHeader> = None;
     let (mut coded_bytes, mut hole) = (0, 0..0);
-    for segment in Segments::new(bytes) {
+    let (mut has_density, mut has_exif) = (false, false);
+    let mut segments = Segments::new(bytes);
+    for segment in segments.by_ref() {
         let Segment { marker, body, coded } = segment?;
+        if (0xe0..=0xef).contains(&marker) {
+            let begin = [&[marker][..], &body[..body.len().min(32)]].concat();
+            let kind = format!("the JPEG's application data {}", marker - 0xe0);
+            walked.look_up(&APPLICATIONS, &kind, &begin);
+        }
         match marker {
             // SOF0..SOF15 but for DHT, JPG and DAC, which share the range.
             0xc0..=0xcf if !matches!(marker, 0xc4 | 0xc8 | 0xcc) => {
                 check_coding(marker)?;
                 frame = Some(frame_header(body)?);
             }
+            // JFIF, ITU-T T.871: two bytes of version, then the unit, 0 for a mere ratio.
+            0xe0 if body.starts_with(b"JFIF\0") => {
+                has_density |= body.get(7).is_some_and(|&unit| unit != 0);
+            }
+            0xe1 if body.starts_with(b"Exif\0") => has_exif = true,
+            0xed => {
+                let resources = body.strip_prefix(RESOURCES);
+                walked.lose(Lost::IPTC, resources.is_some_and(iptc::has_iptc));
+            }
+            0xfe => walked.lose(Lost::TEXTS, !body.is_empty()),
             SCAN => {
                 let zeros = longest_zero_run(&bytes[coded.clone()]);
                 if zeros.len() > hole.len() {
@@ -63,7 +104,23 @@ pub(super) fn walk(bytes: &[u8]) -> Result<Walked, Flaw> {
     if components == 4 {
         return Err(unsupported("four inks (CMYK)"));
     }
-    Ok(Walked { size: Some(size), ..Walked::default() })
+    // EXIF states it too, and is carried.
+    walked.lose(Lost::DENSITY, has_density && !has_exif);
+    walked.lost.extend(behind_the_picture(&bytes[segments.at..]));
+    walked.size = Some(size);
+    Ok(walked)
+}
+
+/// What is lost with `rest`, the bytes behind a picture.
+fn behind_the_picture(rest: &[u8]) -> Option<Lost> {
+    let is_filled = rest.iter().any(|&b| b != 0);
+    let has = |words: &[u8]| rest.windows(words.len()).any(|w| w == words);
+    match () {
+        () if !is_filled => None,
+        () if rest.starts_with(b"\xff\xd8") => Some(Lost::PICTURES),
+        () if has(b"ftyp") => Some(Lost::of("the movie of a motion photo")),
+        () => Some(Lost::of("the data behind the picture")),
+    }
 }
 
 /// A marker with its segment.

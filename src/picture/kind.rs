@@ -50,12 +50,57 @@ impl Format {
     }
 }
 
+/// The kinds of files that are read.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Content {
+    /// A kind that is written, too.
+    Written(Format),
+    Bmp,
+    Gif,
+    Pnm,
+    Webp,
+}
+
+impl Content {
+    /// The name in messages.
+    pub(super) const fn name(self) -> &'static str {
+        match self {
+            Content::Written(format) => format.name(),
+            Content::Bmp => "BMP",
+            Content::Gif => "GIF",
+            Content::Pnm => "PPM",
+            Content::Webp => "WebP",
+        }
+    }
+
+    /// The format of a result.
+    pub(super) const fn written(self) -> Format {
+        match self {
+            Content::Written(format) => format,
+            Content::Bmp | Content::Gif | Content::Pnm | Content::Webp => Format::Png,
+        }
+    }
+
+    fn has_ending(self, extension: &str) -> bool {
+        match self {
+            Content::Written(format) => Format::of_extension(extension) == Some(format),
+            Content::Pnm => {
+                ["ppm", "pgm", "pnm", "pbm", "pam"].contains(&&*extension.to_ascii_lowercase())
+            }
+            other => extension.eq_ignore_ascii_case(other.name()),
+        }
+    }
+}
+
 /// The ending of raw photos, which are TIFFs.
 const RAW_ENDING: &str = "dng";
 
 /// Whether files of this ending (without the dot, any case) are read.
 fn is_photo_ending(extension: &str) -> bool {
-    Format::of_extension(extension).is_some() || extension.eq_ignore_ascii_case(RAW_ENDING)
+    let is_its = |content: Content| content.has_ending(extension);
+    Format::of_extension(extension).is_some()
+        || [Content::Bmp, Content::Gif, Content::Pnm, Content::Webp].into_iter().any(is_its)
+        || extension.eq_ignore_ascii_case(RAW_ENDING)
 }
 
 /// The name of a result of `format` for a photo called `name`: with the format's ending added, or
@@ -110,10 +155,6 @@ const UNREAD: &[(usize, &[u8], &str, &str)] = &[
     (0, b"\x76\x2f\x31\x01", "an OpenEXR picture", "save it as TIFF of 16 bits"),
     (0, b"#?RADIANCE", "a Radiance HDR picture", "save it as TIFF of 16 bits"),
     (0, b"qoif", "a QOI picture", SAVE),
-    (8, b"WEBP", "a WebP picture", SAVE),
-    (0, b"GIF8", "a GIF picture", SAVE),
-    (0, b"P5\n", "a PGM picture", SAVE),
-    (0, b"P6\n", "a PPM picture", SAVE),
     (0, b"gimp xcf", "a GIMP document", SAVE),
     (8, b"IIII", "a camera raw photo (Phase One IIQ)", DEVELOP),
     (8, b"MMMM", "a camera raw photo (Phase One IIQ)", DEVELOP),
@@ -179,7 +220,7 @@ fn begins(bytes: &[u8], from: usize, magic: &[u8]) -> bool {
 ///
 /// # Errors
 /// [`Flaw::Empty`], [`Flaw::ZeroFilled`], [`Flaw::Unread`] or [`Flaw::NotAPhoto`].
-pub(super) fn recognise(bytes: &[u8]) -> Result<Format, Flaw> {
+pub(super) fn recognise(bytes: &[u8]) -> Result<Content, Flaw> {
     if bytes.is_empty() {
         return Err(Flaw::Empty);
     }
@@ -194,16 +235,16 @@ pub(super) fn recognise(bytes: &[u8]) -> Result<Format, Flaw> {
     }
     // Half of PNG's signature is enough, so that a copy cut inside it is a PNG cut short.
     let read = [
-        (at(0, b"\xff\xd8"), Format::Jpeg),
-        (at(0, b"\x89PNG"), Format::Png),
-        (at(0, b"II*\0") || at(0, b"MM\0*"), Format::Tiff),
+        (at(0, b"\xff\xd8"), Content::Written(Format::Jpeg)),
+        (at(0, b"\x89PNG"), Content::Written(Format::Png)),
+        (at(0, b"II*\0") || at(0, b"MM\0*"), Content::Written(Format::Tiff)),
+        (at(0, b"RIFF") && at(8, b"WEBP"), Content::Webp),
+        (at(0, b"BM") && has_bmp_header(bytes), Content::Bmp),
+        (at(0, b"GIF8"), Content::Gif),
+        (is_pnm(bytes), Content::Pnm),
     ];
-    if let Some((_, format)) = read.into_iter().find(|(is, _)| *is) {
-        return Ok(format);
-    }
-    // A text may begin so, but holds no zeros.
-    if at(0, b"BM") && at(15, &[0; 3]) {
-        return Err(Flaw::Unread { found: "a BMP picture", to_do: SAVE });
+    if let Some((_, content)) = read.into_iter().find(|(is, _)| *is) {
+        return Ok(content);
     }
     let foreign = BESIDE.iter().chain(FOREIGN).find(|(from, magic, _)| at(*from, magic));
     let found = match foreign {
@@ -212,6 +253,21 @@ pub(super) fn recognise(bytes: &[u8]) -> Result<Format, Flaw> {
         None => format!("unknown data beginning {}", first_bytes(bytes)),
     };
     Err(Flaw::NotAPhoto { found })
+}
+
+/// Whether `bytes`, which begin with `BM`, go on as a bitmap and not as a text. The reserved fields
+/// are used by some programs.
+fn has_bmp_header(bytes: &[u8]) -> bool {
+    let header = bytes.get(14..18);
+    // The lengths of the headers of OS/2 and Windows.
+    header
+        .is_none_or(|b| matches!(b[0], 12 | 16 | 40 | 52 | 56 | 64 | 108 | 124) && b[1..] == [0; 3])
+}
+
+/// Whether `bytes` begin as a PNM: its number, then a blank and a size or a comment.
+fn is_pnm(bytes: &[u8]) -> bool {
+    let [b'P', b'1'..=b'7', blank, next, ..] = bytes else { return false };
+    blank.is_ascii_whitespace() && (next.is_ascii_digit() || b"#W".contains(next))
 }
 
 /// The endings of makers' raw photos that are TIFFs.
@@ -228,11 +284,10 @@ pub(super) fn is_raw_name(name: &str) -> bool {
 }
 
 /// A note on a file name with another kind's ending. `raw` for a TIFF with a sensor's sites.
-pub(super) fn misnamed(name: &str, format: Format, raw: bool) -> Option<String> {
+pub(super) fn misnamed(name: &str, content: Content, raw: bool) -> Option<String> {
     let extension = Path::new(name).extension()?.to_string_lossy().into_owned();
-    let fits = Format::of_extension(&extension) == Some(format)
-        || raw && extension.eq_ignore_ascii_case(RAW_ENDING);
-    let found = if raw { "DNG" } else { format.name() };
+    let fits = content.has_ending(&extension) || raw && extension.eq_ignore_ascii_case(RAW_ENDING);
+    let found = if raw { "DNG" } else { content.name() };
     (!fits).then(|| format!("the file is named .{extension} and holds a {found}, which was read"))
 }
 
@@ -253,18 +308,17 @@ mod tests {
     #[test]
     fn files_are_recognised_by_their_content() {
         let found = |bytes: &[u8]| recognise(bytes).unwrap_err().to_string();
-        assert_eq!(recognise(b"\xff\xd8\xff\xe0").unwrap(), Format::Jpeg);
-        assert_eq!(recognise(b"MM\0*....").unwrap(), Format::Tiff);
+        assert_eq!(recognise(b"\xff\xd8\xff\xe0").unwrap(), Content::Written(Format::Jpeg));
+        assert_eq!(recognise(b"MM\0*....").unwrap(), Content::Written(Format::Tiff));
         assert!(found(b"").contains("empty"));
         assert!(found(&[0; 100]).contains("never filled"));
         let head_to_come = [vec![0; 600], b"the rest".to_vec()].concat();
         assert!(found(&head_to_come).contains("never filled"));
         // A bitmap with its reserved fields used, and a text.
         let header = b"BM\x36\0\0\0\x01\0\0\0\x36\0\0\0\x28\0\0\0";
-        assert!(found(header).contains("a BMP picture"));
+        assert_eq!(recognise(header).unwrap(), Content::Bmp);
         assert!(found(b"BMW drivers, please move your cars").contains("a text"));
-        assert!(found(b"P6\n# by dcraw\n4 3\n255\n").contains("a PPM picture"));
-        assert!(found(b"RIFF....WEBPVP8 ").contains("a WebP picture"));
+        assert_eq!(recognise(b"P6\n# by dcraw\n4 3\n255\n").unwrap(), Content::Pnm);
         assert!(found(b"P6 is a sensor").contains("a text"));
         assert!(found(b"%PDF-1.7 ...").contains("a PDF document"));
         assert!(found(b"Dear Sir or Madam,\n").contains("a text"));
@@ -274,11 +328,12 @@ mod tests {
 
     #[test]
     fn a_wrong_ending_is_noted() {
-        let png = Format::Png;
-        assert_eq!(misnamed("holiday.JPEG", Format::Jpeg, false), None);
+        let png = Content::Written(Format::Png);
+        assert_eq!(misnamed("holiday.JPEG", Content::Written(Format::Jpeg), false), None);
         assert_eq!(misnamed("holiday", png, false), None);
-        assert_eq!(misnamed("holiday.DNG", Format::Tiff, true), None);
-        assert!(misnamed("holiday.dng", Format::Tiff, false).is_some());
+        assert_eq!(misnamed("holiday.webp", Content::Webp, false), None);
+        assert_eq!(misnamed("holiday.DNG", Content::Written(Format::Tiff), true), None);
+        assert!(misnamed("holiday.dng", Content::Written(Format::Tiff), false).is_some());
         let words = misnamed("holiday.jpg", png, false).unwrap();
         assert!(words.contains("named .jpg and holds a PNG"), "{words}");
     }
@@ -303,7 +358,7 @@ mod tests {
 
     #[test]
     fn photo_endings_are_recognised() {
-        assert!(["JPEG", "tif", "dng"].into_iter().all(is_photo_ending));
+        assert!(["JPEG", "tif", "dng", "WebP", "bmp", "GIF"].into_iter().all(is_photo_ending));
         assert!(!["2024", "heic", "txt", ""].into_iter().any(is_photo_ending));
     }
 

@@ -1,4 +1,4 @@
-//! Metadata of photo files, and what a result carries of it.
+//! Metadata of photo files: what a result carries, and notes about the rest.
 //!
 //! | metadata | in the result |
 //! |---|---|
@@ -7,8 +7,12 @@
 //! | EXIF, GPS | carried with the result's sizes and no thumbnail |
 //! | description, camera, program, date, artist, copyright of a TIFF or raw photo | as EXIF |
 //! | orientation | applied, and the tag cleared |
-//! | all else (XMP, IPTC, maker's notes, texts, density) | not carried; the original stays |
+//! | all else | not carried, with a note ([`Lost`]) |
+//!
+//! Each format has a [`PartTable`].
 
+use std::borrow::Cow;
+use std::collections::BTreeSet;
 use std::ops::Range;
 
 use super::tone::StatedColours;
@@ -31,13 +35,75 @@ pub(super) fn longest_zero_run(data: &[u8]) -> Range<usize> {
     longest
 }
 
+/// A part of a photo file that its result lacks, in the user's words.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) struct Lost(Cow<'static, str>);
+
+impl Lost {
+    pub(super) const CREDENTIALS: Lost = Lost::of("Content Credentials");
+    pub(super) const DENSITY: Lost = Lost::of("dots per inch");
+    pub(super) const IPTC: Lost = Lost::of("IPTC data");
+    pub(super) const MAKER_NOTES: Lost = Lost::of("the camera maker's own notes");
+    pub(super) const PICTURES: Lost = Lost::of("the pictures after the first");
+    pub(super) const PROFILE: Lost = Lost::of("the colour profile, which was not used");
+    pub(super) const TEXTS: Lost =
+        Lost::of("texts outside EXIF (such as comment, artist, date, camera)");
+    pub(super) const XMP: Lost = Lost::of("XMP data");
+
+    /// A part called `words`.
+    pub(super) const fn of(words: &'static str) -> Lost {
+        Lost(Cow::Borrowed(words))
+    }
+
+    /// Data of a kind that no table has, by its name in the file.
+    pub(super) fn unknown(kind: &str, name: &[u8]) -> Lost {
+        let printed = name.iter().filter(|b| b.is_ascii_graphic()).take(16);
+        let printed: String = printed.map(|&b| char::from(b)).collect();
+        Lost(format!("{kind} \"{printed}\"").into())
+    }
+
+    /// The sentence for the report.
+    pub(super) fn note(self) -> String {
+        format!("not in the result: {}", self.0)
+    }
+}
+
+/// Most parts that are noted: more would say nothing. Guess.
+const LOST_MAX: usize = 16;
+
+/// The parts of a format by the beginnings of their names: those that are used, carried or mean
+/// nothing beside the picture, and those that are lost.
+pub(super) struct PartTable {
+    pub(super) used: &'static [&'static [u8]],
+    pub(super) lost: &'static [(&'static [u8], Lost)],
+}
+
 /// A photo file walked to its end, nothing decoded.
 #[derive(Debug, Default)]
 pub(super) struct Walked {
     /// Width and height by the header; `None` where only the decoder reads them.
     pub(super) size: Option<Size>,
+    pub(super) lost: BTreeSet<Lost>,
     /// Colours stated elsewhere than in an ICC profile.
     pub(super) colours: Option<StatedColours>,
     /// Metadata as an EXIF block, from its TIFF header on, where the decoder finds none.
     pub(super) exif: Option<Vec<u8>>,
+}
+
+impl Walked {
+    /// Notes that the result lacks `lost`, if `is_there`.
+    pub(super) fn lose(&mut self, lost: Lost, is_there: bool) {
+        if is_there {
+            self.lost.insert(lost);
+        }
+    }
+
+    /// Notes what is lost with the part `name` of a file, by the `table` of its format. A part that
+    /// the table has not is lost as one of `kind`.
+    pub(super) fn look_up(&mut self, table: &PartTable, kind: &str, name: &[u8]) {
+        if !table.used.iter().any(|begin| name.starts_with(begin)) && self.lost.len() < LOST_MAX {
+            let row = table.lost.iter().find(|(begin, _)| name.starts_with(begin));
+            self.lost.insert(row.map_or_else(|| Lost::unknown(kind, name), |(_, l)| l.clone()));
+        }
+    }
 }

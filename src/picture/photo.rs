@@ -12,7 +12,8 @@ use crate::frame::{
 
 use super::decode::{Limits, Raster, decode};
 use super::dng::Sites;
-use super::kind::{Format, is_raw_name, misnamed, tiff_of_a_camera};
+use super::kind::{Content, Format, is_raw_name, misnamed, tiff_of_a_camera};
+use super::metadata::Lost;
 use super::reading::{open, read_bytes};
 use super::{
     CameraColours, Flaw, Orientation, PhotoCamera, PictureError, PixelLayout, Tone, shape, tone,
@@ -95,7 +96,8 @@ pub struct Photo {
     pub stored: Size,
     /// Its file.
     pub file: FileFacts,
-    /// Notes on pixels that a result lacks. They do not hold where the file itself is returned.
+    /// Notes on what a result lacks of the file: pixels, metadata. They do not hold where the file
+    /// itself is returned.
     pub losses: Vec<String>,
     /// Further notes on the file, for the report.
     pub notes: Vec<String>,
@@ -153,14 +155,17 @@ impl Photo {
         // A maker's raw photo has another sentence than that on its preview's shape.
         let grid = limits.grid.filter(|_| !is_raw_name(name));
         let raster = decode(bytes, &Limits { grid, ..*limits }).map_err(refused)?;
-        let is_tiff = raster.format == Format::Tiff;
+        let is_tiff = raster.content == Content::Written(Format::Tiff);
         if is_tiff && raster.sites.is_none() && is_raw_name(name) {
             return Err(refused(tiff_of_a_camera()));
         }
-        let format = raster.sites.is_none().then_some(raster.format);
+        let format = match raster.content {
+            Content::Written(format) if raster.sites.is_none() => Some(format),
+            _ => None,
+        };
         let (crc32, length) = (crc32fast::hash(bytes), bytes.len() as u64);
         let file = FileFacts { crc32, bytes: length, format };
-        let misnamed = misnamed(name, raster.format, raster.sites.is_some());
+        let misnamed = misnamed(name, raster.content, raster.sites.is_some());
         let mut photo = match raster.sites {
             Some(sites) => Photo::of_sites(name, raster, &sites, curve, file),
             None => Photo::of_samples(name, raster, curve, file),
@@ -173,7 +178,7 @@ impl Photo {
     fn of_sites(name: &str, raster: Raster, sites: &Sites, curve: Curve, file: FileFacts) -> Photo {
         let known = RawSites::new(sites.mosaic, sites.counts_per_level());
         let raw = RawSites { noise: raster.noise, ..known };
-        let plain = Manner::plain(raster.format, raster.bits, curve);
+        let plain = Manner::plain(raster.content.written(), raster.bits, curve);
         // Viewers take a picture without a profile for sRGB.
         let icc = (curve == Curve::Linear).then(tone::linear_profile).flatten();
         let colours = raster.colours;
@@ -193,7 +198,7 @@ impl Photo {
             },
             stored: raster.size,
             file,
-            losses: Vec::new(),
+            losses: raster.lost.into_iter().map(Lost::note).collect(),
             notes: Vec::new(),
         }
     }
@@ -214,7 +219,8 @@ impl Photo {
             // The result is upright.
             let _ = Orientation::remove_from_exif_chunk(exif);
         }
-        let Raster { format, layout, bits, orientation, icc, exif, coding, .. } = raster;
+        let Raster { content, layout, bits, orientation, icc, exif, coding, lost, .. } = raster;
+        let format = content.written();
         Photo {
             name: name.to_owned(),
             light,
@@ -235,7 +241,7 @@ impl Photo {
             },
             stored: size,
             file,
-            losses: Vec::new(),
+            losses: lost.into_iter().map(Lost::note).collect(),
             notes,
         }
     }
@@ -328,6 +334,9 @@ impl Photo {
     pub fn report_notes(&self, result: Option<Format>) -> Vec<String> {
         let Some(format) = result else { return self.notes.clone() };
         let mut notes = self.losses.clone();
+        if self.file.format.is_none() && self.raw.is_none() {
+            notes.push(format!("a photo of this kind comes back as {}", format.name()));
+        }
         if self.manner.alpha.is_some() && format == Format::Jpeg {
             notes.push("not in the result: transparency, which a JPEG cannot hold".to_owned());
         }

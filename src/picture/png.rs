@@ -1,11 +1,26 @@
 //! Walks a PNG's chunks to IEND, checking each CRC (PNG specification, third edition, §5).
 
 use super::Flaw;
-use super::metadata::Walked;
+use super::metadata::{Lost, PartTable, Walked};
 use super::tone::StatedColours;
 use crate::frame::Size;
 
 const SIGNATURE: &[u8] = b"\x89PNG\r\n\x1a\n";
+
+/// Chunks by their names, and what is lost with them. Texts are looked into.
+const CHUNKS: PartTable = PartTable {
+    used: &[
+        b"IHDR", b"PLTE", b"IDAT", b"tRNS", b"iCCP", b"sRGB", b"gAMA", b"cHRM", b"cICP", b"eXIf",
+        b"sBIT", b"hIST", b"fcTL", b"fdAT", b"tEXt", b"zTXt", b"iTXt",
+    ],
+    lost: &[
+        (b"pHYs", Lost::DENSITY),
+        (b"acTL", Lost::PICTURES),
+        (b"tIME", Lost::of("the time of the file's last change")),
+        (b"bKGD", Lost::of("the background colour")),
+        (b"caBX", Lost::CREDENTIALS),
+    ],
+};
 
 /// A chunk with a valid CRC.
 struct Chunk<'a> {
@@ -32,6 +47,9 @@ pub(super) fn walk(bytes: &[u8]) -> Result<Walked, Flaw> {
     loop {
         let Chunk { name, body } = chunk(bytes, &mut at)?;
         let numbers = || body.chunks_exact(4).map(|b| u32::from_be_bytes([b[0], b[1], b[2], b[3]]));
+        if name != b"IEND" {
+            walked.look_up(&CHUNKS, "the PNG's data", name);
+        }
         match name {
             b"IHDR" => walked.size = header(body),
             b"sRGB" => colours.is_srgb = true,
@@ -39,6 +57,12 @@ pub(super) fn walk(bytes: &[u8]) -> Result<Walked, Flaw> {
             b"cHRM" => colours.xy = numbers().collect::<Vec<_>>().try_into().ok(),
             b"cICP" => colours.coded = body.try_into().ok(),
             b"IEND" => break,
+            b"tEXt" | b"zTXt" | b"iTXt" => {
+                // As ImageMagick and exiftool write it; the decoder reports XMP.
+                let is_iptc = body.starts_with(b"Raw profile type iptc\0");
+                walked.lose(Lost::IPTC, is_iptc);
+                walked.lose(Lost::TEXTS, !is_iptc && !body.starts_with(b"XML:com.adobe.xmp"));
+            }
             _ => {}
         }
     }
@@ -162,6 +186,22 @@ mod tests {
             bytes.extend(hasher.finalize().to_be_bytes());
         }
         bytes
+    }
+
+    #[test]
+    fn lost_data_are_noted() {
+        let lost = |chunks: &[(&[u8; 4], &[u8])]| {
+            walk(&with(chunks)).unwrap().lost.into_iter().collect::<Vec<_>>()
+        };
+        let texts = lost(&[
+            (b"tEXt", b"Artist\0Ada"),
+            (b"zTXt", b"Raw profile type iptc\0\0packed"),
+            (b"pHYs", &[0; 9]),
+        ]);
+        assert_eq!(texts, [Lost::IPTC, Lost::DENSITY, Lost::TEXTS]);
+        assert_eq!(lost(&[(b"acTL", &[0; 8])]), [Lost::PICTURES]);
+        let other = lost(&[(b"smRt", b"x")]).remove(0).note();
+        assert!(other.contains("smRt"), "{other}");
     }
 
     #[test]

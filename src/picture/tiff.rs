@@ -3,9 +3,12 @@
 
 mod directory;
 
+use std::ops::RangeInclusive;
+
 use super::Flaw;
+use super::iptc;
 use super::kind::tiff_of_a_camera;
-use super::metadata::{HOLE_BYTES, Walked};
+use super::metadata::{HOLE_BYTES, Lost, Walked};
 use super::tone::StatedColours;
 use crate::frame::Size;
 
@@ -21,6 +24,9 @@ pub(super) const PHOTOMETRIC: u16 = 262;
 const TRANSFER_FUNCTION: u16 = 301;
 const WHITE_POINT: u16 = 318;
 const PRIMARIES: u16 = 319;
+const RESOLUTION_UNIT: u16 = 296;
+pub(super) const IPTC: u16 = 33723;
+const IMAGE_RESOURCES: u16 = 34377;
 pub(super) const STRIP_OFFSETS: u16 = 273;
 pub(super) const ROWS_PER_STRIP: u16 = 278;
 pub(super) const STRIP_BYTE_COUNTS: u16 = 279;
@@ -62,6 +68,28 @@ const MAKERS_PACKINGS: [usize; 8] = [32767, 32769, 32770, 32772, 34713, 65000, 6
 const PREVIEW_TIMES: usize = 4;
 /// Most sub-directories searched for a larger picture. Guess.
 const BELOW_MAX: usize = 32;
+/// Ranges of fields that are used, carried, looked into, or mean nothing beside the picture (TIFF
+/// 6.0; LibTIFF's tags).
+const RANGES_HELD: [RangeInclusive<u16>; 10] = [
+    254..=259,
+    262..=266,
+    270..=284,
+    286..=292,
+    296..=297,
+    305..=306,
+    315..=325,
+    330..=331,
+    338..=347,
+    512..=532,
+];
+/// Further fields of that kind.
+const HELD: [u16; 15] = [
+    301, 700, 33432, 33433, 33434, 33437, 33723, 34377, 34665, 34675, 34853, 34855, 36867, 37386,
+    50341,
+];
+/// Fields of text that no result has: document, page and host.
+const TEXTS: [u16; 3] = [269, 285, 316];
+
 /// Most values of a field, so that a hostile file does not keep the program busy. Guess.
 const VALUES_MAX: usize = 1 << 20;
 
@@ -100,8 +128,23 @@ pub(super) fn walk(bytes: &[u8]) -> Result<Walked, Flaw> {
         ));
     }
     file.strips(&offsets, &counts, directory.number(COMPRESSION)?.unwrap_or(1) == 1)?;
-    let colours = directory.stated_colours();
-    Ok(Walked { size: Some(size), colours, exif: None })
+    let mut walked = Walked { size: Some(size), ..Walked::default() };
+    walked.lose(Lost::PICTURES, directory.next().is_ok_and(|next| next != 0));
+    let has = |tag: &u16| directory.find(*tag).is_some();
+    walked.lose(Lost::TEXTS, TEXTS.iter().any(has));
+    let is_held =
+        |tag: &u16| RANGES_HELD.iter().any(|range| range.contains(tag)) || HELD.contains(tag);
+    let unknown = directory.entries.iter().map(|(tag, _)| tag);
+    for tag in unknown.filter(|tag| !is_held(tag) && !TEXTS.contains(tag)).take(8) {
+        walked.lost.insert(Lost::unknown("the TIFF's field", tag.to_string().as_bytes()));
+    }
+    walked.lose(Lost::MAKER_NOTES, directory.has_maker_notes());
+    walked.colours = directory.stated_colours();
+    walked.lose(Lost::IPTC, has(&IPTC) || directory.has_iptc_resource().unwrap_or(false));
+    // 1 is a mere ratio.
+    let unit = directory.number(RESOLUTION_UNIT).ok().flatten();
+    walked.lose(Lost::DENSITY, unit.is_some_and(|unit| unit > 1));
+    Ok(walked)
 }
 
 impl Directory<'_> {
@@ -144,6 +187,13 @@ impl Directory<'_> {
         packing.is_some_and(|packing| MAKERS_PACKINGS.contains(&packing))
     }
 
+    /// Whether a camera maker's notes stand beside the EXIF data.
+    pub(super) fn has_maker_notes(&self) -> bool {
+        let exif = self.number(EXIF_DIRECTORY).ok().flatten();
+        let exif = exif.and_then(|at| Directory::read(self.file, at).ok());
+        exif.is_some_and(|exif| exif.find(MAKER_NOTE).is_some())
+    }
+
     /// The colours that the directory states of a picture, if any (TIFF 6.0, §20).
     fn stated_colours(&self) -> Option<StatedColours> {
         let reals = |tag| self.reals(tag).ok().flatten().unwrap_or_default();
@@ -179,6 +229,14 @@ impl Directory<'_> {
             Some(found) => Err(Flaw::Unsupported { kind: "TIFF", found, allowed: READ }),
             None => Ok(()),
         }
+    }
+
+    /// Whether Photoshop's image resources hold IPTC data.
+    fn has_iptc_resource(&self) -> Result<bool, Flaw> {
+        let Some(entry) = self.find(IMAGE_RESOURCES) else { return Ok(false) };
+        let (length, at) = self.file.place(entry, 1)?;
+        let resources = at.checked_add(length).and_then(|to| self.file.bytes.get(at..to));
+        Ok(resources.is_some_and(iptc::has_iptc))
     }
 }
 
@@ -335,6 +393,26 @@ mod tests {
     }
 
     #[test]
+    fn lost_texts_and_iptc_are_noted() {
+        let lost = |tag, kind, data: &[u8]| {
+            let walked = walk(&with(tag, kind, data.len() as u32, data)).unwrap();
+            walked.lost.into_iter().collect::<Vec<_>>()
+        };
+        assert_eq!(lost(NEW_SUBFILE_TYPE, 4, &[0; 4]), []);
+        for (tag, wanted) in [(315, vec![]), (271, vec![]), (269, vec![Lost::TEXTS])] {
+            assert_eq!(lost(tag, 2, b"camera\0\0"), wanted, "{tag}");
+        }
+        let other = lost(65111, 2, b"camera\0\0").remove(0).note();
+        assert!(other.contains("65111"), "{other}");
+        assert_eq!(lost(IPTC, 7, b"\x1c\x02\x50\0\x03Ada"), [Lost::IPTC]);
+        let resources = |number: u8| [b"8BIM\x04", &[number, 0, 0, 0, 0, 0, 2, 1, 1][..]].concat();
+        assert_eq!(lost(IMAGE_RESOURCES, 1, &resources(4)), [Lost::IPTC]);
+        assert_eq!(lost(IMAGE_RESOURCES, 1, &resources(5)), []);
+        let past = walk(&with(IMAGE_RESOURCES, 1, 9999, b"8BIM")).unwrap();
+        assert!(past.lost.is_empty(), "resources past the end are ignored");
+    }
+
+    #[test]
     fn a_preview_of_a_raw_photo_is_never_taken_for_the_photo() {
         let file = |kind: u32| with(NEW_SUBFILE_TYPE, 4, kind, &[]);
         assert_eq!(walk(&file(0)).unwrap().size, Some(Size::new(16, 12)));
@@ -369,8 +447,8 @@ mod tests {
         assert!(black(1).is_ok(), "plain pixels");
         assert!(matches!(black(5), Err(Flaw::ZeroFilled { .. })), "LZW codes no picture so");
         let large = vec![7; VALUES_MAX + 1];
-        assert!(walk(&with(34377, 7, large.len() as u32, &large)).is_ok());
-        assert!(walk(&with(296, 12, 9, &[])).is_ok(), "a number of another type");
+        assert!(walk(&with(IMAGE_RESOURCES, 7, large.len() as u32, &large)).is_ok());
+        assert!(walk(&with(RESOLUTION_UNIT, 12, 9, &[])).is_ok(), "a number of another type");
     }
 
     #[test]

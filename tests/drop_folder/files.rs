@@ -128,11 +128,22 @@ fn each_bad_file_is_kept_with_its_own_reason() {
 }
 
 #[test]
-fn formats_are_recognised_by_content() {
+fn formats_are_recognised_by_content_and_unwritable_ones_become_png() {
     let root = fresh_root();
     let root = root.path();
+    let rgb: Vec<u8> = (0..64 * 48 * 3).map(|n| (n % 200) as u8).collect();
+    let as_rgb = image::ExtendedColorType::Rgb8;
+    let (mut webp, mut bmp, mut gif) = (Vec::new(), Vec::new(), Vec::new());
+    image::codecs::webp::WebPEncoder::new_lossless(&mut webp)
+        .write_image(&rgb, 64, 48, as_rgb)
+        .unwrap();
+    image::codecs::bmp::BmpEncoder::new(&mut bmp).write_image(&rgb, 64, 48, as_rgb).unwrap();
+    image::codecs::gif::GifEncoder::new(&mut gif).encode(&rgb, 64, 48, as_rgb).unwrap();
     let png = file(Format::Png, 8, RIG);
-    let photos: [(&str, &[u8], &str); 2] = [
+    let photos: [(&str, &[u8], &str); 5] = [
+        ("a.webp", &webp, "comes back as PNG"),
+        ("b.BMP", &bmp, "comes back as PNG"),
+        ("c.gif", &gif, "comes back as PNG"),
         ("d.jpg", &png, "named .jpg and holds a PNG"),
         ("12.5.2024", &png, "named .2024 and holds a PNG"),
     ];
@@ -152,6 +163,18 @@ fn formats_are_recognised_by_content() {
         assert!(report.result.ends_with(".png"), "{}", report.result);
     }
     assert!(root.join("outbox/12.5.2024.png").is_file());
+    // Incomplete ones are rejected; unchanged ones are delivered as they are.
+    for (name, bytes) in [("a.webp", &webp), ("b.bmp", &bmp), ("c.gif", &gif)] {
+        drop_in(root, name, &bytes[..bytes.len() / 2]);
+        let failed = once(root).failed;
+        assert!(failed[0].reason.contains("is cut short"), "{failed:?}");
+    }
+    for (name, bytes) in [("a.webp", &webp), ("b.bmp", &bmp), ("c.gif", &gif)] {
+        drop_in(root, &format!("sharp-{name}"), bytes);
+    }
+    let mut restorer = Brightener { untouched: true, ..Brightener::default() };
+    assert_eq!(once_with(root, &mut restorer, &mut ()).unwrap().untouched.len(), 3);
+    assert_eq!(std::fs::read(root.join("outbox/sharp-a.webp")).unwrap(), webp);
 }
 
 #[test]

@@ -158,7 +158,8 @@ fn a_photo_that_cannot_be_restored_ends_with_1() {
     let output = relens(&["restore", "--rig", "small.toml", "a.jpg", "-o", "b.jpg"], folder.path());
     assert_eq!(output.status.code(), Some(1));
     assert!(
-        text(&output.stderr).contains("this is not a photo: found a text, allowed JPEG, PNG, TIFF")
+        text(&output.stderr)
+            .contains("this is not a photo: found a text, allowed JPEG, PNG, TIFF, WebP")
     );
     assert!(!folder.path().join("b.jpg").exists());
 }

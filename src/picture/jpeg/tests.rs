@@ -193,3 +193,37 @@ fn damaged_files_give_no_coefficients_or_whole_ones() {
         }
     }
 }
+
+#[test]
+fn metadata_that_no_result_carries_is_noted() {
+    let (name, plain) = files().into_iter().next().unwrap();
+    let lost = |segments: &[&[u8]]| {
+        let bytes = [&plain[..2], &segments.concat(), &plain[2..]].concat();
+        let walked = walk(&bytes).unwrap_or_else(|flaw| panic!("{name}: {flaw}"));
+        walked.lost.into_iter().collect::<Vec<_>>()
+    };
+    let inches = b"\xff\xe0\0\x10JFIF\0\x01\x02\x01\x01\x2c\x01\x2c\0\0";
+    let ratio = b"\xff\xe0\0\x10JFIF\0\x01\x02\0\0\x01\0\x01\0\0";
+    let exif = b"\xff\xe1\0\x08Exif\0\0";
+    let iptc = b"\xff\xed\0\x1ePhotoshop 3.0\x008BIM\x04\x04\0\0\0\0\0\x02\x1c\x02";
+    let size = b"\xff\xed\0\x1ePhotoshop 3.0\x008BIM\x03\xed\0\0\0\0\0\x02\0\x48";
+    assert_eq!(lost(&[]), []);
+    assert_eq!(lost(&[b"\xff\xfe\0\x07hello"]), [Lost::TEXTS]);
+    assert_eq!(lost(&[inches]), [Lost::DENSITY]);
+    assert_eq!(lost(&[ratio]), []);
+    assert_eq!(lost(&[inches, exif]), [], "EXIF carries it");
+    assert_eq!((lost(&[iptc]), lost(&[size])), (vec![Lost::IPTC], vec![]));
+    let credentials = b"\xff\xeb\0\x0cJP\0\x01\0\0\0\x01\0\0";
+    assert_eq!(lost(&[credentials]), [Lost::CREDENTIALS]);
+    let other = lost(&[b"\xff\xe7\0\x08Kamera"]).remove(0).note();
+    assert!(other.contains("application data 7") && other.contains("Kamera"), "{other}");
+    for (more, wanted) in [
+        (&b"\0\0\0\x18ftypmp42"[..], Some(Lost::of("the movie of a motion photo"))),
+        (b"\xff\xd8\xff", Some(Lost::PICTURES)),
+        (b"SEFT", Some(Lost::of("the data behind the picture"))),
+        (&[0; 99], None),
+    ] {
+        let walked = walk(&[&plain[..], more].concat()).unwrap();
+        assert_eq!(walked.lost.into_iter().next(), wanted, "{more:?}");
+    }
+}
