@@ -15,9 +15,12 @@ pub mod backward_convolution;
 pub mod block_matching;
 pub mod blocking;
 pub mod colour_axis;
+pub mod colour_focus;
 pub mod computed_optics;
 pub mod data_term;
 pub mod detail_mask;
+#[cfg(test)]
+mod example_lens;
 pub mod focus;
 pub mod forward_convolution;
 pub mod jpeg;

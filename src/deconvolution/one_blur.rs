@@ -159,64 +159,17 @@ fn along_line(of: &Plane, on: &Plane, reach: f32, noise: f32) -> Plane {
 
 #[cfg(test)]
 mod tests {
-    use std::sync::Arc;
-
     use super::*;
-    use crate::deconvolution::data_term::{MISSING, place, place_with_edges};
-    use crate::deconvolution::lens_model::LensFunctions;
-    use crate::deconvolution::observation::Developed;
-    use crate::frame::{Frame, Rect, Size, Work};
+    use crate::deconvolution::example_lens::{gaussians, photo};
 
-    const SIZE: Size = Size { width: 90, height: 70 };
-    const MARGIN_PX: usize = 8;
-
-    /// A lens with Gaussians of `sigmas` pixels, one for each channel.
     fn lens(sigmas: [f32; 3]) -> LensModel {
-        let taps = sigmas.map(|sigma| {
-            let bell = (0..225).map(|t| {
-                let (x, y) = ((t % 15) as f32 - 7.0, (t / 15) as f32 - 7.0);
-                (-(x * x + y * y) / (2.0 * sigma * sigma)).exp()
-            });
-            let bell: Vec<f32> = bell.collect();
-            let total: f32 = bell.iter().sum();
-            bell.iter().map(|t| t / total).collect()
-        });
-        let functions = LensFunctions { rows: 1, columns: 1, support_px: 15, taps };
-        LensModel::new(SIZE, MARGIN_PX, &functions).unwrap()
-    }
-
-    /// Tinted dots through `lens`, as codes of eight bits.
-    fn photo(lens: &LensModel, channels: Channels) -> Observation {
-        let dots: Plane = Plane::from_fn(lens.canvas(), |x, y| {
-            let (x, y) = (x / 3, y / 3);
-            30.0 + 150.0 * f32::from(u8::from((7 * x + 5 * y + x * y) % 4 == 0))
-        });
-        let scene: Frame<Work> = Frame::from_fn(|c| {
-            let tint = 1.0 - 0.2 * c.index() as f32;
-            dots.map(|v: f32| tint * v)
-        });
-        let rect = Rect { x: MARGIN_PX, y: MARGIN_PX, size: SIZE };
-        let light = lens.seen(&Channel::ALL, &scene).crop(rect);
-        let canvas = lens.canvas();
-        Observation {
-            light: Frame::from_fn(|c| {
-                place_with_edges(&light.plane(c).map(|v: f32| v.round()), canvas, rect)
-            }),
-            trust: Frame::from_fn(|_| {
-                place(&Plane::from_fn(SIZE, |_, _| TRUSTED), canvas, rect, MISSING)
-            }),
-            rect,
-            channels,
-            noise: [NOISE_MIN; 3],
-            dark_light: [f32::INFINITY; 3],
-            sampling: Arc::new(Developed { interpolated: None, has_blocks: false }),
-        }
+        crate::deconvolution::example_lens::lens(&gaussians(sigmas))
     }
 
     #[test]
     fn the_lens_predicts_its_own_photos_and_one_blur_those_of_others() {
         let own = lens([1.4, 1.2, 2.0]);
-        let errors = |of: &LensModel| errors_for_one_blur(&own, &photo(of, Channels::Colour));
+        let errors = |of: &LensModel| errors_for_one_blur(&own, &photo(of, 3, Channels::Colour));
         let for_own = errors(&own).unwrap();
         assert!(for_own < -10.0, "{for_own}");
         for sigma in [0.5, 1.2, 2.0] {
@@ -230,7 +183,7 @@ mod tests {
         let alike = lens([1.5; 3]);
         let lens = lens([1.4, 1.2, 2.0]);
         for (model, channels) in [(&alike, Channels::Colour), (&lens, Channels::Green)] {
-            assert_eq!(errors_for_one_blur(model, &photo(model, channels)), None);
+            assert_eq!(errors_for_one_blur(model, &photo(model, 3, channels)), None);
         }
     }
 }

@@ -2,13 +2,14 @@
 
 use std::sync::{Arc, OnceLock};
 
-use super::stages::{PhotoFocus, Prepared};
+use super::stages::{PhotoFocus, PhotoLens, Prepared};
 use super::{Pipeline, norm_bound};
 use crate::calibration::{Calibration, OtherFocus, SiteNorms};
+use crate::deconvolution::colour_focus::ColourFocus;
 use crate::deconvolution::focus::{FocusData, FocusSeries, FoundFocus};
-use crate::deconvolution::lens_model::LensModel;
+use crate::deconvolution::lens_model::{LensFunctions, LensModel};
 use crate::deconvolution::level_norms::LevelNorms;
-use crate::frame::Channel;
+use crate::frame::{Channel, Frame, once};
 
 /// The lens as measured at several focus offsets, the panel's included; empty where it was measured
 /// at the panel's alone.
@@ -51,38 +52,79 @@ impl Focuses {
 }
 
 impl Pipeline {
-    /// The measured lens at the focus of `photo`.
+    /// The lens of `photo`: as measured, or at the photo's own focus and light.
     pub(super) fn lens_of<'a>(&'a self, photo: &'a Prepared<'_>) -> &'a Arc<LensModel> {
-        photo.focus.as_ref().map_or(&self.model, |focus| &focus.model)
+        photo.lens.as_ref().map_or(&self.model, |lens| &lens.model)
     }
 
-    /// The focus of `photo`, with `noise` σ at a light; `None` unless its spectra show another than
-    /// the panel's.
-    pub(super) fn focus_of(
+    /// Sets the focus and lens of `photo`, with `noise` σ at a light, if its spectra show another
+    /// focus than the panel's.
+    pub(super) fn find_focus(
         &self,
-        photo: &Prepared<'_>,
+        photo: &mut Prepared<'_>,
         noise: &(dyn Fn(Channel, f32) -> f32 + Sync),
-    ) -> Option<PhotoFocus> {
-        let series = self.focuses.series()?;
-        let FoundFocus { offset, between: (before, after), share, at_end } =
-            series.find(&photo.focus_data(noise))?;
+    ) {
+        let Some(series) = self.focuses.series() else { return };
+        let Some(found) = series.find(&photo.focus_data(noise)) else { return };
+        let FoundFocus { offset, between: (before, after), share, at_end } = found;
         let [before, after] = [before, after].map(|n| &self.focuses.0[n]);
-        let rect = photo.observation.rect;
         let functions = before.functions.between(&after.functions, share);
-        let model = self.model.with_functions(rect.size, rect.x, &functions).ok()?;
-        let [before, after] = [before, after].map(|focus| FocusNorms {
+        let [before, after] = [before, after].map(|focus| Norms {
             norm_squared: focus.norm_squared,
             level_norms: focus.level_norms.clone(),
             at_sites: focus.at_sites.clone(),
         });
-        let FocusNorms { norm_squared, level_norms, at_sites } = before.or_larger(after);
-        Some(PhotoFocus {
-            offset,
-            at_end,
+        photo.lens = self.lens_with(photo, &functions, before.or_larger(after));
+        photo.focus = photo.lens.is_some().then_some(PhotoFocus { offset, at_end });
+    }
+
+    /// Fits the lens of `photo` to the [focus of its colours](ColourFocus).
+    pub(super) fn fit_colours(&self, photo: &mut Prepared<'_>) {
+        let observation = &photo.observation;
+        let mosaic = observation.sampling.mosaic();
+        let light = Frame::from_fn(|c| match mosaic {
+            Some(mosaic) => mosaic.interpolated_finely(c, observation.light.plane(c)),
+            None => observation.light.plane(c).clone(),
+        });
+        let lined_up = self.photo_side.line_up_colours(&light);
+        let model = self.lens_of(photo);
+        let Some(colours) = ColourFocus::of(model, observation, &lined_up) else { return };
+        let functions = colours.functions(model.functions());
+        let levels = self.level_norms[0].levels();
+        let (norm_squared, level_norms, at_sites) = match &photo.lens {
+            Some(lens) => (&lens.norm_squared, &lens.level_norms, &lens.at_sites),
+            None => (&self.norm_squared, &self.level_norms, &self.at_sites),
+        };
+        let norms = Norms {
+            norm_squared: colours.norms_squared(norm_squared),
+            level_norms: colours.level_norms(level_norms),
+            at_sites: mosaic.map(|_| {
+                let measured = once(at_sites, || SiteNorms::of(model, levels));
+                SiteNorms {
+                    norm_squared: colours.norms_squared(&measured.norm_squared),
+                    level_norms: colours.level_norms(&measured.level_norms),
+                }
+            }),
+        };
+        if let Some(lens) = self.lens_with(photo, &functions, norms) {
+            photo.lens = Some(lens);
+        }
+    }
+
+    /// The lens of `photo` with `functions`, whose norms are at most `norms`.
+    fn lens_with(
+        &self,
+        photo: &Prepared<'_>,
+        functions: &LensFunctions,
+        norms: Norms,
+    ) -> Option<PhotoLens> {
+        let rect = photo.observation.rect;
+        let model = self.model.with_functions(rect.size, rect.x, functions).ok()?;
+        Some(PhotoLens {
             model: Arc::new(model),
-            norm_squared,
-            level_norms,
-            at_sites: at_sites.map_or_else(OnceLock::new, OnceLock::from),
+            norm_squared: norms.norm_squared,
+            level_norms: norms.level_norms,
+            at_sites: norms.at_sites.map_or_else(OnceLock::new, OnceLock::from),
         })
     }
 }
@@ -105,20 +147,20 @@ impl Prepared<'_> {
 }
 
 /// Bounds on what a lens passes.
-struct FocusNorms {
+struct Norms {
     norm_squared: [f32; 3],
     level_norms: [LevelNorms; 3],
     at_sites: Option<SiteNorms>,
 }
 
-impl FocusNorms {
+impl Norms {
     /// The larger of both, a bound for every lens interpolated between the two: norms are convex.
-    fn or_larger(self, other: FocusNorms) -> FocusNorms {
+    fn or_larger(self, other: Norms) -> Norms {
         let larger = |a: &[f32; 3], b: &[f32; 3]| [0, 1, 2].map(|c| a[c].max(b[c]));
         let levels = |a: &[LevelNorms; 3], b: &[LevelNorms; 3]| {
             Channel::ALL.map(|c| a[c.index()].or_larger(&b[c.index()]))
         };
-        FocusNorms {
+        Norms {
             norm_squared: larger(&self.norm_squared, &other.norm_squared),
             level_norms: levels(&self.level_norms, &other.level_norms),
             at_sites: self.at_sites.zip(other.at_sites).map(|(a, b)| SiteNorms {

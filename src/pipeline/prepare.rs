@@ -43,7 +43,7 @@ impl Pipeline {
     /// `photo` (photo-sized) made ready for the methods.
     pub fn prepare<'a>(&self, photo: impl Into<PhotoData<'a>>) -> Prepared<'a> {
         let PhotoData { light, channels, recorded } = photo.into();
-        match recorded {
+        let mut prepared = match recorded {
             Recorded::Developed => self.prepare_developed(light, channels),
             Recorded::Raw(raw) => self.prepare_raw(light, raw),
             Recorded::Binned { saturated, raw } => {
@@ -56,7 +56,9 @@ impl Pipeline {
                 prepared
             }
             Recorded::Jpeg { coding, tone } => self.prepare_jpeg(light, channels, coding, tone),
-        }
+        };
+        self.fit_colours(&mut prepared);
+        prepared
     }
 
     /// Pixels that bad sites of the rig's sensor may have reached are missing. The photo is not
@@ -66,7 +68,7 @@ impl Pipeline {
         let mut prepared = self.place(photo, self.straighten(photo, None), channels);
         self.mark_missing(&mut prepared.observation, SiteGains::reaches);
         let noise = prepared.observation.noise;
-        prepared.focus = self.focus_of(&prepared, &|c, light| {
+        self.find_focus(&mut prepared, &|c, light| {
             noise[c.index()].max(self.noise[c.index()].sigma(light))
         });
         prepared
@@ -80,8 +82,9 @@ impl Pipeline {
         self.mark_missing(&mut prepared.observation, SiteGains::is_bad);
         let own = self.noise_at(&raw);
         let estimated = prepared.observation.noise;
-        prepared.focus = self
-            .focus_of(&prepared, &|c, light| estimated[c.index()].max(own[c.index()].sigma(light)));
+        self.find_focus(&mut prepared, &|c, light| {
+            estimated[c.index()].max(own[c.index()].sigma(light))
+        });
         prepared
     }
 
@@ -182,7 +185,7 @@ impl Pipeline {
         }
         let noise_at = |c: Channel, light: f32| sigma(&own, c, light);
         photo.observation.noise = Channel::ALL.map(|c| noise_at(c, mean[c.index()]));
-        photo.focus = self.focus_of(photo, &noise_at);
+        self.find_focus(photo, &noise_at);
         photo.is_of_sharper_lens = finding == Some(SpectralFinding::SharperLens);
         // At another focus the lens may be sharper than at the panel's.
         if photo.is_of_sharper_lens && photo.focus.is_some() {
@@ -258,6 +261,7 @@ impl Pipeline {
             photo: even,
             observation,
             focus: None,
+            lens: None,
             is_of_sharper_lens: false,
             outliers: None,
             notes: Vec::new(),

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::Pipeline;
-use super::stages::{PhotoFocus, Prepared, Solved};
+use super::stages::{PhotoLens, Prepared, Solved};
 use crate::calibration::SiteNorms;
 use crate::deconvolution::focus::OpticsAtFocus;
 use crate::deconvolution::forward_convolution::ForwardConvolution;
@@ -25,9 +25,9 @@ impl Pipeline {
     ) -> Result<Solved, MethodError> {
         let mut path = self.light_path(rig).interruptible(self.interruption.as_deref());
         let (captures, seconds) = (path.captures(), path.seconds());
-        let solved = match &photo.focus {
+        let solved = match &photo.lens {
             None => self.solve_by(&mut path, photo, method, watch)?,
-            Some(PhotoFocus { model, .. }) => {
+            Some(PhotoLens { model, .. }) => {
                 let mut optics = OpticsAtFocus {
                     inner: &mut path,
                     panel: Arc::clone(&self.model),
@@ -59,17 +59,17 @@ impl Pipeline {
     /// Poses `photo` as a problem, and returns the result of `solve`.
     pub(super) fn pose<T>(&self, photo: &Prepared<'_>, solve: impl FnOnce(&Problem<'_>) -> T) -> T {
         let is_raw = photo.observation.sampling.mosaic().is_some();
-        let (norm_squared, level_norms) = match (is_raw, &photo.focus) {
-            (true, focus) => {
-                let (model, at_sites) = match focus {
-                    Some(focus) => (&focus.model, &focus.at_sites),
+        let (norm_squared, level_norms) = match (is_raw, &photo.lens) {
+            (true, lens) => {
+                let (model, at_sites) = match lens {
+                    Some(lens) => (&lens.model, &lens.at_sites),
                     None => (&self.model, &self.at_sites),
                 };
                 let levels = self.level_norms[0].levels();
                 let norms = once(at_sites, || SiteNorms::of(model, levels));
                 (norms.norm_squared, &norms.level_norms)
             }
-            (false, Some(focus)) => (focus.norm_squared, &focus.level_norms),
+            (false, Some(lens)) => (lens.norm_squared, &lens.level_norms),
             (false, None) => (self.norm_squared, &self.level_norms),
         };
         let is_hopeless = |prediction: &Frame<Work>| self.is_hopeless(photo, prediction);

@@ -22,6 +22,8 @@ pub struct Prepared<'a> {
     pub observation: Observation,
     /// Its focus, if it is not the panel's.
     pub focus: Option<PhotoFocus>,
+    /// Its lens, if it is not the one measured at the panel.
+    pub(super) lens: Option<PhotoLens>,
     /// Whether its spectrum shows a lens much sharper than the measured one; of raw photos.
     pub is_of_sharper_lens: bool,
     /// Its outliers, where it is solved without them.
@@ -34,18 +36,22 @@ pub struct Prepared<'a> {
     pub(super) untouched: OnceLock<[f32; 3]>,
 }
 
-/// A focus other than the panel's.
+/// The lens of a photo of other focus or light than the panel's.
 #[derive(Clone)]
+pub(super) struct PhotoLens {
+    pub(super) model: Arc<LensModel>,
+    pub(super) norm_squared: [f32; 3],
+    pub(super) level_norms: [LevelNorms; 3],
+    pub(super) at_sites: OnceLock<SiteNorms>,
+}
+
+/// A focus other than the panel's.
+#[derive(Debug, Clone, Copy)]
 pub struct PhotoFocus {
     /// 1/distance of the scene − 1/distance of the panel, dioptres; positive is nearer.
     pub offset: f32,
     /// Whether it is the nearest or farthest measured: the photo's may lie beyond.
     pub at_end: bool,
-    /// The lens model there.
-    pub(super) model: Arc<LensModel>,
-    pub(super) norm_squared: [f32; 3],
-    pub(super) level_norms: [LevelNorms; 3],
-    pub(super) at_sites: OnceLock<SiteNorms>,
 }
 
 impl PhotoFocus {
@@ -76,7 +82,7 @@ impl Prepared<'_> {
 
     /// The photo as if taken at the panel's focus.
     pub(super) fn at_panel(&self) -> Self {
-        Prepared { focus: None, ..self.unjudged() }
+        Prepared { focus: None, lens: None, ..self.unjudged() }
     }
 }
 

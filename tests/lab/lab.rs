@@ -11,6 +11,7 @@ mod colour_crops;
 mod conditions;
 mod csv;
 mod figures;
+mod focus;
 mod harness;
 mod jpeg;
 mod jpeg_coder;
@@ -97,6 +98,8 @@ enum Experiment {
     Foreign,
     /// Photos with something strange in them: the gain that remains
     Strange,
+    /// Scenes nearer and farther than the panel, with the lens measured at one focus and at three
+    Focus,
     /// Gain of captures over the measured lens alone
     Regimes,
     /// A camera finer than its lens: photos solved at its own grid, and binned
@@ -126,8 +129,8 @@ fn main() -> ExitCode {
 
 fn run(options: &Options) -> Result<(), Failure> {
     use Experiment::{
-        Binned, Colour, ColourCrops, Conditions, Figures, Foreign, Jpeg, JpegFiles, Judging, Pace,
-        Regimes, SpeedAccuracy, Stability, Strange, Worth, WrongModels,
+        Binned, Colour, ColourCrops, Conditions, Figures, Focus, Foreign, Jpeg, JpegFiles, Judging,
+        Pace, Regimes, SpeedAccuracy, Stability, Strange, Worth, WrongModels,
     };
     let Options { what, out, quick, rows, pictures, .. } = options;
     if let Some(group) = options.group {
@@ -168,6 +171,7 @@ fn run(options: &Options) -> Result<(), Failure> {
         (Jpeg, _) => jpeg::run(&rig, *quick, pictures.as_deref()),
         (JpegFiles, _) => jpeg_files::run(&rig, *quick),
         (Binned, _) => binned::run(&rig, *quick, options.times, &options.binnings),
+        (Focus, _) => focus::run(&rig, *quick),
         (Pace, _) => pace::run(&rig, *quick),
         (Regimes, _) => regimes::run(&rig),
         (Worth, _) => worth::run(&rig, *quick),

@@ -3,7 +3,7 @@
 mod plain;
 
 use super::*;
-use crate::deconvolution::lens_model::LensFunctions;
+use crate::deconvolution::example_lens::gaussians;
 use crate::frame::{Channel, Size};
 
 /// Absolute cosine between two directions.
@@ -62,23 +62,9 @@ fn flat_black_and_white_have_a_unit_axis_of_grey() {
     }
 }
 
-/// Gaussians of `sigmas` pixels, one for each channel.
-fn lens(sigmas: [f32; 3]) -> LensFunctions {
-    let taps = sigmas.map(|sigma| {
-        let bell = (0..225).map(|t| {
-            let (x, y) = ((t % 15) as f32 - 7.0, (t / 15) as f32 - 7.0);
-            (-(x * x + y * y) / (2.0 * sigma * sigma)).exp()
-        });
-        let bell: Vec<f32> = bell.collect();
-        let total: f32 = bell.iter().sum();
-        bell.iter().map(|t| t / total).collect()
-    });
-    LensFunctions { rows: 1, columns: 1, support_px: 15, taps }
-}
-
 #[test]
 fn the_width_of_the_equal_blur_is_that_of_convolved_gaussians() {
-    let found = width_px(&lens([1.6, 1.0, 2.0]));
+    let found = width_px(&gaussians([1.6, 1.0, 2.0]));
     let want = (1.6f32 * 1.6 + 1.0 + 4.0).sqrt();
     assert!((found / want - 1.0).abs() < 0.02, "{found} {want}");
 }
@@ -86,7 +72,7 @@ fn the_width_of_the_equal_blur_is_that_of_convolved_gaussians() {
 /// A photo of a scene of two inks through a Gaussian lens of `sigmas`, and the lens.
 fn photo_of(inks: [[f32; 3]; 2], sigmas: [f32; 3]) -> (Frame<Work>, LensModel) {
     let size = Size::new(96, 80);
-    let model = LensModel::new(size, 0, &lens(sigmas)).unwrap();
+    let model = LensModel::new(size, 0, &gaussians(sigmas)).unwrap();
     let inked = |x: usize, y: usize| (x / 11 + y / 7).is_multiple_of(2) as usize;
     let photo = Frame::from_fn(|c: Channel| {
         let scene = Plane::from_fn(size, |x, y| inks[inked(x, y)][c.index()]);
