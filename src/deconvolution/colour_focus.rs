@@ -23,7 +23,7 @@ use super::colour_axis::width_px;
 use super::data_term::SATURATED;
 use super::lens_model::{LensFunctions, LensModel};
 use super::level_norms::LevelNorms;
-use super::observation::Observation;
+use super::observation::{DataKind, Observation};
 use super::smoothing::{blur, halve, mean_around};
 use crate::frame::{Channel, Channels, Frame, Plane, Rect, Size, Work};
 
@@ -61,8 +61,8 @@ pub struct ColourFocus {
 
 impl ColourFocus {
     /// Estimates the shares of `photo`, taken through `model`, from its light `lined_up` on the
-    /// canvas, without lateral chromatic aberration. `None` for grey photos, for data without fine
-    /// colours, and where too little of the photo has details.
+    /// canvas, without lateral chromatic aberration. `None` for grey photos, for JPEGs, and
+    /// where too little of the photo has details.
     ///
     /// # Panics
     /// When the photo does not have the model's canvas.
@@ -71,9 +71,8 @@ impl ColourFocus {
         photo: &Observation,
         lined_up: &Frame<Work>,
     ) -> Option<ColourFocus> {
-        let sampling = &photo.sampling;
-        let has_colours = sampling.mosaic().is_some() || sampling.has_fine_colours();
-        if photo.channels == Channels::Green || !has_colours {
+        // The coding of a JPEG's colours would pass for blur.
+        if photo.channels == Channels::Green || photo.sampling.kind() == DataKind::Jpeg {
             return None;
         }
         let [red, green, blue] = Channel::ALL;
