@@ -20,7 +20,7 @@ const FOCUS_LOOKS: u64 = 8;
 /// what to adjust next. Needs no calibration. Ctrl-C ends it.
 #[derive(Debug, Args)]
 #[command(after_help = "\
-Example:
+Examples:
   relens align --rig RIG.toml")]
 pub(super) struct AlignOptions {
     #[command(flatten)]
