@@ -45,3 +45,35 @@ impl Calibration {
         each.fold(0.0, f64::max)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::calibration::{Calibration, example};
+
+    /// A calibration whose functions are Gaussians of `sigma` pixels.
+    fn blurred_by(sigma: f32) -> Calibration {
+        let mut calibration = example::calibration();
+        let functions = &mut calibration.functions;
+        (functions.rows, functions.columns, functions.support_px) = (1, 1, 41);
+        let bell = (0..41 * 41).map(|n| {
+            let (x, y) = ((n % 41) as f32 - 20.0, (n / 41) as f32 - 20.0);
+            (-(x * x + y * y) / (2.0 * sigma * sigma)).exp()
+        });
+        let bell: Vec<f32> = bell.collect();
+        let total: f32 = bell.iter().sum();
+        functions.taps = [(); 3].map(|()| bell.iter().map(|tap| tap / total).collect());
+        calibration
+    }
+
+    #[test]
+    fn pixels_are_binned_as_far_as_the_lens_passes_nothing() {
+        for (sigma, by) in [(1.5, 1), (2.0, 2), (3.0, 2), (4.0, 4)] {
+            assert_eq!(blurred_by(sigma).binning_without_loss(1), by, "{sigma} px");
+        }
+        assert_eq!(blurred_by(4.0).binning_without_loss(4), 2);
+        // One sharper channel decides.
+        let mut sharp = blurred_by(4.0);
+        sharp.functions.taps[1] = blurred_by(1.5).functions.taps[1].clone();
+        assert_eq!(sharp.binning_without_loss(1), 1);
+    }
+}

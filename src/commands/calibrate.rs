@@ -108,8 +108,8 @@ pub(super) fn run(options: &CalibrateOptions) -> Result<(), CliError> {
     let (by, more) = (rig.camera.binning, calibration.binning_without_loss(rig.camera.binning));
     if more > 1 {
         say(&format!(
-            "the lens passes nothing finer than {more} of these pixels: binning = {} in [camera] \
-             loses nothing, and takes less time and memory",
+            "the lens passes hardly anything finer than {more} of these pixels: binning = {} in \
+             [camera] takes less time and memory, and costs little",
             by * more
         ));
     }

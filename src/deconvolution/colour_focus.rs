@@ -24,6 +24,7 @@ use super::data_term::SATURATED;
 use super::lens_model::{LensFunctions, LensModel};
 use super::level_norms::LevelNorms;
 use super::observation::{DataKind, Observation};
+use super::one_blur::{TILES, TILES_MIN};
 use super::smoothing::{blur, halve, mean_around};
 use crate::frame::{Channel, Channels, Frame, Plane, Rect, Size, Work};
 
@@ -35,10 +36,6 @@ const REACH: f32 = 1.0;
 const ALONG_LINE: f32 = 0.1;
 /// Power of details over that of noise below which a place shows nothing. Guess.
 const DETAILS: f32 = 4.0;
-/// Columns and rows of tiles. Guess.
-const TILES: (usize, usize) = (16, 12);
-/// Tiles with details below which a photo shows nothing. Guess.
-const TILES_MIN: usize = 8;
 /// Gauss–Newton steps; the residual is nearly linear in a share.
 const STEPS: usize = 3;
 /// σ of shares before a photo is seen: 5 % of distance, or broad light, change them by 0.1 to 0.2
@@ -60,26 +57,32 @@ pub struct ColourFocus {
 }
 
 impl ColourFocus {
-    /// Estimates the shares of `photo`, taken through `model`, from its light `lined_up` on the
-    /// canvas, without lateral chromatic aberration. `None` for grey photos, for JPEGs, and
-    /// where too little of the photo has details.
+    /// Estimates the shares of `photo`, taken through `model`; `line_up` undoes the lateral
+    /// chromatic aberration of light on the canvas. `None` for grey photos, for JPEGs, and where
+    /// too little of the photo has details.
     ///
     /// # Panics
     /// When the photo does not have the model's canvas.
     pub fn of(
         model: &LensModel,
         photo: &Observation,
-        lined_up: &Frame<Work>,
+        line_up: impl FnOnce(&Frame<Work>) -> Frame<Work>,
     ) -> Option<ColourFocus> {
         // The coding of a JPEG's colours would pass for blur.
         if photo.channels == Channels::Green || photo.sampling.kind() == DataKind::Jpeg {
             return None;
         }
+        let light = match photo.sampling.mosaic() {
+            Some(mosaic) => {
+                line_up(&Frame::from_fn(|c| mosaic.interpolated_finely(c, photo.light.plane(c))))
+            }
+            None => line_up(&photo.light),
+        };
         let [red, green, blue] = Channel::ALL;
-        let through = |lens: Channel, light: Channel| {
-            let mut seen = Plane::zeros(lined_up.size());
-            model.forward(lens, lined_up.plane(light), &mut seen);
-            // Blurred twice, nothing is left between the coarser pixels.
+        let through = |lens: Channel, of: Channel| {
+            let mut seen = Plane::zeros(light.size());
+            model.forward(lens, light.plane(of), &mut seen);
+            // Blurred twice, nothing finer than the coarser pixels remains.
             halve(&seen)
         };
         let places = ColourPlaces::of(photo, model.functions());

@@ -27,9 +27,9 @@ const REACH: f32 = 0.8;
 /// σ of the smoothing of residuals, likewise; of 0 to 0.6.
 const SMOOTHED: f32 = 0.3;
 /// Columns and rows of tiles. Guess.
-const TILES: (usize, usize) = (16, 12);
+pub(super) const TILES: (usize, usize) = (16, 12);
 /// Tiles with details below which a photo shows nothing. Guess.
-const TILES_MIN: usize = 8;
+pub(super) const TILES_MIN: usize = 8;
 /// Power that the better prediction may leave of blue's details, as a share, where blue follows
 /// green. Of 0.25, 0.1 and 0.05; with 0.25 photos of a retina, whose blue does not, are refused.
 const FOLLOWED: f32 = 0.05;

@@ -13,7 +13,7 @@ fn size_of<T: Copy + Default>(plane: &Plane<T>, by: usize) -> Size {
 }
 
 /// Means of `plane` over squares of `by` pixels a side; rows and columns beyond the last whole
-/// square are left out.
+/// square do not count.
 pub fn bin<T: Copy + Default + Into<f32> + Sync>(plane: &Plane<T>, by: usize) -> Plane {
     let mut means = Plane::zeros(size_of(plane, by));
     let (width, share) = (means.width().max(1), 1.0 / (by * by) as f32);

@@ -197,8 +197,8 @@ impl Mosaic {
     }
 }
 
-/// The value at `at` of a line of `length` values, mirrored at its ends, of which every second one
-/// is 0, interpolated by Lanczos's kernel of three lobes.
+/// A line of `length` values, every second one 0, mirrored at its ends and interpolated at `at` by
+/// Lanczos's kernel of three lobes.
 fn by_lanczos(length: usize, at: usize, value: impl Fn(usize) -> f32) -> f32 {
     /// The kernel at ½, 1½ and 2½ between sites, normalised; it is 0 at all other sites.
     const WEIGHTS: [f32; 3] = [0.6114, -0.1359, 0.0245];

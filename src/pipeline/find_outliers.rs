@@ -34,7 +34,7 @@ impl Pipeline {
         let LocalErrors { unexplained, of_lens } = self.local_errors(photo, &seen);
         let unexplained = unexplained.crop(rect);
         let informative = of_lens.crop(rect).map(|value: f32| value > INFORMATIVE);
-        let reach = self.lens_of(photo).functions().support_px / 2;
+        let reach = self.lens_of(photo).model.functions().support_px / 2;
         // The clearest places first: some of the others are errors of the lens model.
         OUTLIERS.iter().find_map(|limits| {
             let found = outliers(&unexplained, limits);
@@ -66,14 +66,14 @@ impl Pipeline {
     }
 
     fn local_errors(&self, photo: &Prepared<'_>, seen: &Frame<Work>) -> LocalErrors {
-        let (observation, lens) = (&photo.observation, self.lens_of(photo));
+        let (observation, lens) = (&photo.observation, &self.lens_of(photo).model);
         let reach = lens.functions().support_px / 4;
         let untouched = lens.seen(observation.channels.list(), &observation.light);
         let expected = |seen: &Frame<Work>| observation.sampling.expected_data(seen);
         let expected = [expected(seen), expected(&untouched)];
         let [data, untouched_data] =
             expected.each_ref().map(|data| data.as_ref().unwrap_or(&observation.light));
-        let shares = self.model_error.shares(&self.model, observation.rect);
+        let shares = self.model_error.shares(&self.lens.model, observation.rect);
         let size = observation.size();
         let mut errors =
             LocalErrors { unexplained: Plane::zeros(size), of_lens: Plane::zeros(size) };

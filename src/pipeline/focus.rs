@@ -2,14 +2,14 @@
 
 use std::sync::{Arc, OnceLock};
 
-use super::stages::{PhotoFocus, PhotoLens, Prepared};
+use super::stages::{BoundedLens, PhotoFocus, Prepared};
 use super::{Pipeline, norm_bound};
 use crate::calibration::{Calibration, OtherFocus, SiteNorms};
 use crate::deconvolution::colour_focus::ColourFocus;
 use crate::deconvolution::focus::{FocusData, FocusSeries, FoundFocus};
-use crate::deconvolution::lens_model::{LensFunctions, LensModel};
+use crate::deconvolution::lens_model::LensFunctions;
 use crate::deconvolution::level_norms::LevelNorms;
-use crate::frame::{Channel, Frame, once};
+use crate::frame::{Channel, Frame, Work};
 
 /// The lens as measured at several focus offsets, the panel's included; empty where it was measured
 /// at the panel's alone.
@@ -53,8 +53,8 @@ impl Focuses {
 
 impl Pipeline {
     /// The lens of `photo`: as measured, or at the photo's own focus and light.
-    pub(super) fn lens_of<'a>(&'a self, photo: &'a Prepared<'_>) -> &'a Arc<LensModel> {
-        photo.lens.as_ref().map_or(&self.model, |lens| &lens.model)
+    pub(super) fn lens_of<'a>(&'a self, photo: &'a Prepared<'_>) -> &'a BoundedLens {
+        photo.lens.as_ref().unwrap_or(&self.lens)
     }
 
     /// Sets the focus and lens of `photo`, with `noise` σ at a light, if its spectra show another
@@ -80,32 +80,21 @@ impl Pipeline {
 
     /// Fits the lens of `photo` to the [focus of its colours](ColourFocus).
     pub(super) fn fit_colours(&self, photo: &mut Prepared<'_>) {
-        let observation = &photo.observation;
-        let mosaic = observation.sampling.mosaic();
-        let light = Frame::from_fn(|c| match mosaic {
-            Some(mosaic) => mosaic.interpolated_finely(c, observation.light.plane(c)),
-            None => observation.light.plane(c).clone(),
-        });
-        let lined_up = self.photo_side.line_up_colours(&light);
-        let model = self.lens_of(photo);
-        let Some(colours) = ColourFocus::of(model, observation, &lined_up) else { return };
-        let functions = colours.functions(model.functions());
-        let levels = self.level_norms[0].levels();
-        let (norm_squared, level_norms, at_sites) = match &photo.lens {
-            Some(lens) => (&lens.norm_squared, &lens.level_norms, &lens.at_sites),
-            None => (&self.norm_squared, &self.level_norms, &self.at_sites),
-        };
+        let (observation, lens) = (&photo.observation, self.lens_of(photo));
+        let line_up = |light: &Frame<Work>| self.photo_side.line_up_colours(light);
+        let Some(colours) = ColourFocus::of(&lens.model, observation, line_up) else { return };
         let norms = Norms {
-            norm_squared: colours.norms_squared(norm_squared),
-            level_norms: colours.level_norms(level_norms),
-            at_sites: mosaic.map(|_| {
-                let measured = once(at_sites, || SiteNorms::of(model, levels));
+            norm_squared: colours.norms_squared(&lens.norm_squared),
+            level_norms: colours.level_norms(&lens.level_norms),
+            at_sites: observation.sampling.mosaic().map(|_| {
+                let measured = lens.norms_at_sites();
                 SiteNorms {
                     norm_squared: colours.norms_squared(&measured.norm_squared),
                     level_norms: colours.level_norms(&measured.level_norms),
                 }
             }),
         };
+        let functions = colours.functions(lens.model.functions());
         if let Some(lens) = self.lens_with(photo, &functions, norms) {
             photo.lens = Some(lens);
         }
@@ -117,10 +106,10 @@ impl Pipeline {
         photo: &Prepared<'_>,
         functions: &LensFunctions,
         norms: Norms,
-    ) -> Option<PhotoLens> {
+    ) -> Option<BoundedLens> {
         let rect = photo.observation.rect;
-        let model = self.model.with_functions(rect.size, rect.x, functions).ok()?;
-        Some(PhotoLens {
+        let model = self.lens.model.with_functions(rect.size, rect.x, functions).ok()?;
+        Some(BoundedLens {
             model: Arc::new(model),
             norm_squared: norms.norm_squared,
             level_norms: norms.level_norms,

@@ -39,10 +39,9 @@ use std::sync::{Arc, OnceLock};
 
 use crate::calibration::correction::{Correction, CorrectionError, Layout};
 use crate::calibration::photo_side::PhotoSide;
-use crate::calibration::{Calibration, CrossChannel, Noise, SiteNorms};
+use crate::calibration::{Calibration, CrossChannel, Noise};
 use crate::config;
 use crate::deconvolution::lens_model::{LensModel, LensModelError};
-use crate::deconvolution::level_norms::LevelNorms;
 use crate::deconvolution::method::digital::Digital;
 use crate::deconvolution::method::total_variation::TotalVariation;
 use crate::frame::{Channel, FULL_SCALE, RawSites, Size};
@@ -52,15 +51,14 @@ use crate::rig::exposure::Devices;
 use crate::rig::shoot::SiteNoise;
 use focus::Focuses;
 use model_error::ModelError;
+use stages::BoundedLens;
 
 /// A calibrated rig's models, corrections and limits, made once for many photos.
 pub struct Pipeline {
     correction: Correction,
     photo_side: PhotoSide,
-    model: Arc<LensModel>,
-    norm_squared: [f32; 3],
-    level_norms: [LevelNorms; 3],
-    at_sites: OnceLock<SiteNorms>,
+    /// The lens as measured at the panel.
+    lens: BoundedLens,
     focuses: Focuses,
     capture_noise: [f32; 3],
     noise: [Noise; 3],
@@ -96,11 +94,13 @@ impl Pipeline {
         // First, because it looks at the sizes.
         let correction = Correction::new(calibration, layout)?;
         Ok(Pipeline {
-            model: Arc::new(calibration.lens_model()?),
+            lens: BoundedLens {
+                model: Arc::new(calibration.lens_model()?),
+                norm_squared: norm_bound(calibration),
+                level_norms: calibration.level_norms.clone(),
+                at_sites: calibration.at_sites.clone().map_or_else(OnceLock::new, OnceLock::from),
+            },
             photo_side: PhotoSide::new(calibration, &layout),
-            norm_squared: norm_bound(calibration),
-            level_norms: calibration.level_norms.clone(),
-            at_sites: calibration.at_sites.clone().map_or_else(OnceLock::new, OnceLock::from),
             focuses: Focuses::of(calibration),
             noise: calibration.noise,
             site_noise: site_noise(calibration),
@@ -162,12 +162,12 @@ impl Pipeline {
 
     /// The measured lens.
     pub fn model(&self) -> &Arc<LensModel> {
-        &self.model
+        &self.lens.model
     }
 
     /// Forward convolution through `rig`.
     pub fn light_path<'a>(&'a self, rig: &'a mut Devices) -> LightPath<'a> {
-        LightPath::new(rig, (&self.correction, &self.model), &*self.stopwatch)
+        LightPath::new(rig, (&self.correction, &self.lens.model), &*self.stopwatch)
     }
 }
 

@@ -118,8 +118,8 @@ impl Pipeline {
     /// Whether one blur explains the colours of `photo` better than the measured lens does.
     pub(super) fn has_one_blur(&self, photo: &Prepared<'_>) -> bool {
         // As measured: fitted to the photo's colours, the lens would explain one blur, too.
-        let model = if photo.focus.is_some() { self.lens_of(photo) } else { &self.model };
-        let errors = errors_for_one_blur(model, &photo.observation);
+        let lens = if photo.focus.is_some() { self.lens_of(photo) } else { &self.lens };
+        let errors = errors_for_one_blur(&lens.model, &photo.observation);
         log::debug!("one blur explains blue better by {errors:.1?} standard errors");
         errors.is_some_and(|errors| errors > ONE_BLUR)
     }

@@ -168,7 +168,7 @@ impl Pipeline {
         };
         let measured = |c: Channel, light: f32| sigma(&own, c, light);
         let data = photo.focus_data(&measured);
-        let finding = check_spectrum(self.model.functions(), &data, raw.noise.is_none());
+        let finding = check_spectrum(self.lens.model.functions(), &data, raw.noise.is_none());
         let mean = Channel::ALL.map(|c| photo.photo.plane(c).mean() as f32);
         if let Some(SpectralFinding::Noisier(powers)) = finding {
             let green = Channel::Green.index();
@@ -190,7 +190,7 @@ impl Pipeline {
         // At another focus the lens may be sharper than at the panel's.
         if photo.is_of_sharper_lens && photo.focus.is_some() {
             let data = photo.focus_data(&noise_at);
-            let lens = self.lens_of(photo).functions();
+            let lens = self.lens_of(photo).model.functions();
             photo.is_of_sharper_lens =
                 check_spectrum(lens, &data, false) == Some(SpectralFinding::SharperLens);
         }

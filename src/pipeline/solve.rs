@@ -3,12 +3,11 @@
 use std::sync::Arc;
 
 use super::Pipeline;
-use super::stages::{PhotoLens, Prepared, Solved};
-use crate::calibration::SiteNorms;
+use super::stages::{BoundedLens, Prepared, Solved};
 use crate::deconvolution::focus::OpticsAtFocus;
 use crate::deconvolution::forward_convolution::ForwardConvolution;
 use crate::deconvolution::method::{About, Method, MethodError, Problem, Solution, Watch};
-use crate::frame::{Channels, Frame, Work, once};
+use crate::frame::{Channels, Frame, Work};
 use crate::rig::exposure::Devices;
 
 impl Pipeline {
@@ -27,10 +26,10 @@ impl Pipeline {
         let (captures, seconds) = (path.captures(), path.seconds());
         let solved = match &photo.lens {
             None => self.solve_by(&mut path, photo, method, watch)?,
-            Some(PhotoLens { model, .. }) => {
+            Some(BoundedLens { model, .. }) => {
                 let mut optics = OpticsAtFocus {
                     inner: &mut path,
-                    panel: Arc::clone(&self.model),
+                    panel: Arc::clone(&self.lens.model),
                     photo: Arc::clone(model),
                 };
                 self.solve_by(&mut optics, photo, method, watch)?
@@ -59,24 +58,18 @@ impl Pipeline {
     /// Poses `photo` as a problem, and returns the result of `solve`.
     pub(super) fn pose<T>(&self, photo: &Prepared<'_>, solve: impl FnOnce(&Problem<'_>) -> T) -> T {
         let is_raw = photo.observation.sampling.mosaic().is_some();
-        let (norm_squared, level_norms) = match (is_raw, &photo.lens) {
-            (true, lens) => {
-                let (model, at_sites) = match lens {
-                    Some(lens) => (&lens.model, &lens.at_sites),
-                    None => (&self.model, &self.at_sites),
-                };
-                let levels = self.level_norms[0].levels();
-                let norms = once(at_sites, || SiteNorms::of(model, levels));
-                (norms.norm_squared, &norms.level_norms)
-            }
-            (false, Some(lens)) => (lens.norm_squared, &lens.level_norms),
-            (false, None) => (self.norm_squared, &self.level_norms),
+        let lens = self.lens_of(photo);
+        let (norm_squared, level_norms) = if is_raw {
+            let norms = lens.norms_at_sites();
+            (norms.norm_squared, &norms.level_norms)
+        } else {
+            (lens.norm_squared, &lens.level_norms)
         };
         let is_hopeless = |prediction: &Frame<Work>| self.is_hopeless(photo, prediction);
         solve(&Problem {
             is_hopeless: Some(&is_hopeless),
             observation: &photo.observation,
-            model: self.lens_of(photo),
+            model: &lens.model,
             norm_squared,
             level_norms,
             capture_mosaic: self.correction.layout().canvas_mosaic(),

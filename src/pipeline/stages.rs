@@ -10,7 +10,7 @@ use crate::deconvolution::lens_model::LensModel;
 use crate::deconvolution::level_norms::LevelNorms;
 use crate::deconvolution::method::{About, Solution};
 use crate::deconvolution::observation::Observation;
-use crate::frame::{Frame, Work};
+use crate::frame::{Frame, Work, once};
 
 /// A photo made ready for the methods.
 #[derive(Clone)]
@@ -23,7 +23,7 @@ pub struct Prepared<'a> {
     /// Its focus, if it is not the panel's.
     pub focus: Option<PhotoFocus>,
     /// Its lens, if it is not the one measured at the panel.
-    pub(super) lens: Option<PhotoLens>,
+    pub(super) lens: Option<BoundedLens>,
     /// Whether its spectrum shows a lens much sharper than the measured one; of raw photos.
     pub is_of_sharper_lens: bool,
     /// Its outliers, where it is solved without them.
@@ -36,13 +36,23 @@ pub struct Prepared<'a> {
     pub(super) untouched: OnceLock<[f32; 3]>,
 }
 
-/// The lens of a photo of other focus or light than the panel's.
+/// A lens model with bounds on its norms.
 #[derive(Clone)]
-pub(super) struct PhotoLens {
+pub(super) struct BoundedLens {
     pub(super) model: Arc<LensModel>,
+    /// On ‖K‖², per channel.
     pub(super) norm_squared: [f32; 3],
+    /// On each wavelet level, per channel.
     pub(super) level_norms: [LevelNorms; 3],
+    /// The same at raw sites, computed when first needed.
     pub(super) at_sites: OnceLock<SiteNorms>,
+}
+
+impl BoundedLens {
+    /// The bounds at raw sites.
+    pub(super) fn norms_at_sites(&self) -> &SiteNorms {
+        once(&self.at_sites, || SiteNorms::of(&self.model, self.level_norms[0].levels()))
+    }
 }
 
 /// A focus other than the panel's.

@@ -141,8 +141,9 @@ impl<'a> Nightly<'a> {
         let (now, unix_s) = (self.now(), self.times.unix_s());
         let unknown = match self.calendar.judge(unix_s, now.0, (self.times.is_set)()) {
             Trust::Trusted { jumped_s } => {
-                let _ =
-                    jumped_s.inspect(|jump| log::warn!("the clock was changed by {jump:+.0} s"));
+                if let Some(jump) = jumped_s {
+                    log::warn!("the clock was changed by {jump:+.0} s");
+                }
                 None
             }
             Trust::NotSet => Some("no network has set the clock yet"),

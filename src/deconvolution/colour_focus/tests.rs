@@ -12,29 +12,43 @@ fn measured() -> LensFunctions {
     gaussians([2.0, 1.2, 1.7])
 }
 
-/// The shares found in a photo through the measured lens moved by `shares`, of raw sites behind
-/// `mosaic`, if any.
-fn found(shares: ColourFocus, mosaic: Option<Mosaic>) -> ColourFocus {
-    // Finer dots than what the sites of one colour resolve would alias.
-    let dot_px = if mosaic.is_some() { 6 } else { 3 };
-    let mut photo = photo(&lens(&shares.functions(&measured())), dot_px, Channels::Colour);
-    let mut light = photo.light.clone();
-    if let Some(mosaic) = mosaic {
-        photo.sampling = Arc::new(Raw { mosaic });
-        light = Frame::from_fn(|c| mosaic.interpolated_finely(c, photo.light.plane(c)));
-    }
-    ColourFocus::of(&lens(&measured()), &photo, &light).unwrap()
+/// The shares of `photo` through the lens of `functions`, which has no lateral aberration.
+fn found(functions: &LensFunctions, photo: &Observation) -> Option<ColourFocus> {
+    ColourFocus::of(&lens(functions), photo, Frame::clone)
+}
+
+/// Shares of lenses.
+const SHARES: [ColourFocus; 4] = [
+    ColourFocus { red_green: 0.0, blue: 0.0 },
+    ColourFocus { red_green: 0.2, blue: 0.1 },
+    ColourFocus { red_green: -0.15, blue: 0.2 },
+    ColourFocus { red_green: 0.1, blue: -0.1 },
+];
+
+/// Whether two pairs of shares differ by less than `most`.
+fn are_near(a: ColourFocus, b: ColourFocus, most: f32) -> bool {
+    (a.red_green - b.red_green).abs().max((a.blue - b.blue).abs()) < most
 }
 
 #[test]
-fn shares_are_found_in_pixels_and_in_sites() {
-    for (red_green, blue) in [(0.0, 0.0), (0.2, 0.1), (-0.15, 0.2), (0.1, -0.1)] {
-        for (mosaic, precision) in [(None, 0.04), (Some(Mosaic::Grbg), 0.08)] {
-            let ColourFocus { red_green: s, blue: t } =
-                found(ColourFocus { red_green, blue }, mosaic);
-            assert!((s - red_green).abs() < precision, "{mosaic:?}: {s} for {red_green}");
-            assert!((t - blue).abs() < precision, "{mosaic:?}: {t} for {blue}");
-        }
+fn shares_are_found_to_a_few_hundredths() {
+    for shares in SHARES {
+        let photo = photo(&lens(&shares.functions(&measured())), 3, Channels::Colour);
+        let found = found(&measured(), &photo).unwrap();
+        assert!(are_near(found, shares, 0.04), "{found:?} for {shares:?}");
+    }
+}
+
+#[test]
+fn raw_sites_show_what_pixels_show() {
+    // The sites of one colour are two pixels apart: a narrower lens would alias.
+    let wide = gaussians([2.6, 1.8, 2.3]);
+    for shares in SHARES {
+        let mut photo = photo(&lens(&shares.functions(&wide)), 5, Channels::Colour);
+        let by_pixels = found(&wide, &photo).unwrap();
+        photo.sampling = Arc::new(Raw { mosaic: Mosaic::Grbg });
+        let by_sites = found(&wide, &photo).unwrap();
+        assert!(are_near(by_sites, by_pixels, 0.05), "{by_sites:?} {by_pixels:?}");
     }
 }
 
@@ -42,7 +56,7 @@ fn shares_are_found_in_pixels_and_in_sites() {
 fn grey_photos_and_channels_of_different_things_show_nothing() {
     let model = lens(&measured());
     let grey = photo(&model, 3, Channels::Green);
-    assert_eq!(ColourFocus::of(&model, &grey, &grey.light), None);
+    assert_eq!(found(&measured(), &grey), None);
     let mut other = photo(&model, 3, Channels::Colour);
     for (n, plane) in other.light.planes_mut().iter_mut().enumerate() {
         let turned = Plane::from_fn(plane.size(), |x, y| {
@@ -50,7 +64,7 @@ fn grey_photos_and_channels_of_different_things_show_nothing() {
         });
         *plane = turned;
     }
-    assert_eq!(ColourFocus::of(&model, &other, &other.light), None);
+    assert_eq!(found(&measured(), &other), None);
 }
 
 #[test]
@@ -64,8 +78,7 @@ fn a_stamp_in_a_corner_hardly_counts() {
             plane.set(left + x, top + y, ink);
         }
     }
-    let ColourFocus { red_green, blue } =
-        ColourFocus::of(&lens(&measured()), &stamped, &stamped.light).unwrap();
+    let ColourFocus { red_green, blue } = found(&measured(), &stamped).unwrap();
     assert!((red_green - shares.red_green).abs() < 0.06, "{red_green}");
     assert!((blue - shares.blue).abs() < 0.06, "{blue}");
 }

@@ -45,7 +45,7 @@ impl Pipeline {
     /// Residuals of a short reference solution in the channel that `candidate` explains worst. A
     /// JPEG is decoded by the candidate: its file is decoded only once a picture is known.
     fn short_residuals(&self, photo: &Prepared<'_>, candidate: KnownCandidate<'_>) -> Residuals {
-        let (observation, lens) = (&photo.observation, self.lens_of(photo));
+        let (observation, lens) = (&photo.observation, &self.lens_of(photo).model);
         let listed = observation.channels.list().iter().zip(candidate.channels);
         let worst = listed.max_by(|a, b| a.1.product().total_cmp(&b.1.product()));
         let worst = worst.map_or(Channel::Green, |(&c, _)| c);

@@ -38,9 +38,9 @@ impl Pipeline {
         let Solution { picture, prediction, .. } = &solved.solution;
         match prediction {
             Some(prediction) => Cow::Borrowed(prediction),
-            None => {
-                Cow::Owned(self.lens_of(photo).seen(photo.observation.channels.list(), picture))
-            }
+            None => Cow::Owned(
+                self.lens_of(photo).model.seen(photo.observation.channels.list(), picture),
+            ),
         }
     }
 
@@ -70,7 +70,7 @@ impl Pipeline {
         c: Channel,
         &Explained { seen, data, noise }: &Explained<'_>,
     ) -> Residuals {
-        let valid = valid_pixels(photo, self.lens_of(photo), c);
+        let valid = valid_pixels(photo, &self.lens_of(photo).model, c);
         let count = valid.data().iter().filter(|&&t| t != MISSING).count();
         let minus = |data: &Plane| {
             let mut residual = seen.clone();
@@ -93,7 +93,8 @@ impl Pipeline {
             model: if_it_counts(rms_over_data(&minus(data), &valid)),
             untouched,
             photo_noise: noise.hypot(filled_in),
-            model_error: self.model_error.shares(&self.model, photo.observation.rect)[c.index()]
+            model_error: self.model_error.shares(&self.lens.model, photo.observation.rect)
+                [c.index()]
                 * untouched,
             light: if_it_counts(light),
             excess_light: if_it_counts(mean(&minus(placed))),
@@ -104,7 +105,7 @@ impl Pipeline {
     /// RMS of K̂B − B, grey levels, in each channel of the untouched `photo`; computed once.
     fn untouched(&self, photo: &Prepared<'_>) -> [f32; 3] {
         *once(&photo.untouched, || {
-            let (observation, lens) = (&photo.observation, self.lens_of(photo));
+            let (observation, lens) = (&photo.observation, &self.lens_of(photo).model);
             let channels = observation.channels.list();
             let seen = lens.seen(channels, &observation.light);
             let expected = observation.sampling.expected_data(&seen);
