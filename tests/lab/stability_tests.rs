@@ -107,7 +107,6 @@ fn rigs_that_are_truthful_do_no_harm() {
     for (truth, step) in [
         ("filters; photo raw", 1),
         ("uneven panel", 4),
-        ("half the scene farther", 2),
         ("wander and vibration", 2),
     ] {
         let runs = runs(swept(truth), &[step], &["hybrid"], &views, 19);
