@@ -15,7 +15,7 @@ use super::curve::Inverse;
 use super::dither::Diffusion;
 use super::surface::{Domain, Surface};
 use super::{Calibration, CameraCurve, Geometry, SiteGains};
-use crate::config;
+use crate::config::{self, Subpixels};
 use crate::frame::resample::{Outside, warp};
 use crate::frame::{Channel, Codes, Counts, Frame, Mosaic, Plane, Rect, Size, Work, once};
 use crate::remedy::{Remediable, Remedy};
@@ -25,6 +25,8 @@ use crate::remedy::{Remediable, Remedy};
 pub struct Layout {
     /// Panel pixels.
     pub panel: Size,
+    /// Places of the colours within a panel pixel.
+    pub subpixels: Subpixels,
     /// Camera pixels.
     pub sensor: Size,
     /// The photo's grid.
@@ -46,6 +48,7 @@ impl Layout {
     pub fn of(rig: &config::RigFile) -> Layout {
         Layout {
             panel: rig.panel.size(),
+            subpixels: rig.panel.subpixels,
             sensor: rig.camera.size(),
             photo: rig.photo.size(),
             photo_x_px: rig.camera.photo_x_px,

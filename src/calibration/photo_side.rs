@@ -88,13 +88,14 @@ impl PhotoSide {
     }
 
     /// Aligns red and blue of `picture` (canvas-sized) with green: removes lateral colour, which
-    /// the paper's loop keeps.
+    /// the paper's loop keeps. At the canvas's corner both are farther out than measured by
+    /// `corner_px`.
     #[must_use]
-    pub fn line_up_colours(&self, picture: &Frame<Work>) -> Frame<Work> {
+    pub fn line_up_colours(&self, picture: &Frame<Work>, corner_px: [f32; 2]) -> Frame<Work> {
         let mut lined_up = picture.clone();
         let [red, _, blue] = lined_up.planes_mut();
-        self.fringes[0].undo(picture.plane(Channel::Red), red);
-        self.fringes[1].undo(picture.plane(Channel::Blue), blue);
+        self.fringes[0].undo(picture.plane(Channel::Red), corner_px[0], red);
+        self.fringes[1].undo(picture.plane(Channel::Blue), corner_px[1], blue);
         lined_up
     }
 }
@@ -109,15 +110,17 @@ struct Fringe {
 }
 
 impl Fringe {
-    /// Computes the displacements of `channel` via the panel point that green sees.
+    /// Computes the displacements of `channel` via the point of the panel that green sees. Its part
+    /// of a panel pixel lies beside green's, which is no displacement by the lens.
     fn new(calibration: &Calibration, layout: &Layout, channel: Channel) -> Fringe {
         let (canvas, margin) = (layout.canvas(), layout.margin_px as f64);
         let green = &calibration.geometry[Channel::Green.index()].work_to_panel;
         let back = &calibration.geometry[channel.index()].panel_to_work;
+        let offset_px = layout.subpixels.offset_px(channel);
         let displacement = |x: usize, y: usize| {
             let (work_x, work_y) = (x as f64 - margin, y as f64 - margin);
             let (panel_x, panel_y) = green.at(work_x, work_y);
-            let (there_x, there_y) = back.at(panel_x, panel_y);
+            let (there_x, there_y) = back.at(panel_x - offset_px, panel_y);
             ((there_x - work_x) as f32, (there_y - work_y) as f32)
         };
         // One more than needed, so that the last pixels have neighbours on both sides.
@@ -142,16 +145,24 @@ impl Fringe {
         }
     }
 
-    /// Writes `plane` without the fringe into `lined_up`, both canvas-sized.
-    fn undo(&self, plane: &Plane, lined_up: &mut Plane) {
+    /// Writes `plane` without the fringe, and without a magnification of `corner_px` at the corner,
+    /// into `lined_up`, both canvas-sized.
+    fn undo(&self, plane: &Plane, corner_px: f32, lined_up: &mut Plane) {
         let width = plane.width();
+        let [middle_x, middle_y] = [width, plane.height()].map(|side| (side as f32 - 1.0) / 2.0);
+        let enlarged = corner_px / middle_x.hypot(middle_y).max(1.0);
         let bands = lined_up.data_mut().par_chunks_mut(BAND_ROWS * width.max(1));
         bands.enumerate().for_each(|(band, rows)| {
             let size = Size::new(width, rows.len() / width);
             let (mut map_x, mut map_y, mut out) =
                 (Plane::zeros(size), Plane::zeros(size), Plane::zeros(size));
             for y in 0..size.height {
-                self.row(band * BAND_ROWS + y, map_x.row_mut(y), map_y.row_mut(y));
+                let row = band * BAND_ROWS + y;
+                self.row(row, map_x.row_mut(y), map_y.row_mut(y));
+                map_y.row_mut(y).iter_mut().for_each(|v| *v += enlarged * (row as f32 - middle_y));
+                for (x, v) in map_x.row_mut(y).iter_mut().enumerate() {
+                    *v += enlarged * (x as f32 - middle_x);
+                }
             }
             warp(plane, &map_x, &map_y, Outside::Edge, &mut out);
             rows.copy_from_slice(out.data());

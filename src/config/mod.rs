@@ -30,12 +30,12 @@ pub use media::{MediaGraph, MediaLink, PadFormat, bus_format, bus_format_name, e
 pub use method_name::MethodName;
 pub use parts::{
     Alignment, CalibrationTable, CameraTable, CanvasTable, ColourChoice, Curve, Marks,
-    OperatingPoint, PanelTable, PaperTable, PhotoTable, RawResults, Restore,
+    OperatingPoint, PanelTable, PaperTable, PhotoTable, RawResults, Restore, Subpixels,
 };
 pub use rig::{Kind, RigFile};
 pub use simulation::{
     DisplayTable, Faults, GLASSES, Glare, Lens, LensGeometry, LensSurface, Pose, Prescription,
-    SensorCurve, SensorTable, Simulation, Subpixels, Surround, Uneven, Unrest,
+    SensorCurve, SensorTable, Simulation, Surround, Uneven, Unrest,
 };
 pub use spectra::{Primaries, SpectralLight, Wavelength};
 

@@ -3,7 +3,7 @@
 use super::keys::{table, words};
 use super::method_name::MethodName;
 use super::simulation::is_default;
-use crate::frame::Size;
+use crate::frame::{Channel, Size};
 
 table! {
     /// Photos.
@@ -52,6 +52,37 @@ table! {
         /// Wait from flip to trigger: processing latency, scan-out and response time together.
         /// `relens check` measures it.
         settle_ms: f64, Number(0.0, 10_000.0), Never;
+        /// Places of red, green and blue within a pixel. A wrong layout gives photos' edges rims of
+        /// red and blue: the lens's lateral colour is measured against these places.
+        @[serde(default, skip_serializing_if = "is_default")]
+        subpixels: Subpixels, Word(Subpixels::WORDS), Means("\"rgb\"");
+    }
+}
+
+words! {
+    /// Layout of a panel pixel's colours.
+    @[derive(Default)]
+    pub enum Subpixels {
+        /// Stripes of a third of the pixel: red, green and blue from left to right, as in nearly
+        /// every LCD.
+        @[default]
+        Rgb = "rgb",
+        /// The same in the opposite order.
+        Bgr = "bgr",
+        /// All on the whole pixel.
+        Whole = "whole",
+    }
+}
+
+impl Subpixels {
+    /// Panel pixels from a pixel's centre to the right to the centre of its part of `channel`.
+    pub fn offset_px(self, channel: Channel) -> f64 {
+        let third = (channel.index() as f64 - Channel::Green.index() as f64) / 3.0;
+        match self {
+            Subpixels::Rgb => third,
+            Subpixels::Bgr => -third,
+            Subpixels::Whole => 0.0,
+        }
     }
 }
 

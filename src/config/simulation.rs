@@ -264,25 +264,10 @@ table! {
         latency_refreshes: u32, Whole(0, 100), Never;
         /// Time constant of the exponential approach from one picture to the next.
         response_ms: f64, Number(0.0, 10_000.0), Never;
-        /// Layout of a panel pixel's colours.
-        @[serde(skip_serializing_if = "is_default")]
-        subpixels: Subpixels, Word(Subpixels::WORDS), Means("\"whole\"");
         /// Whether the panel is as uneven as usual: corners darker by 15 %, light and leakage that
         /// depend on the angle of view.
         @[serde(deserialize_with = "uneven", skip_serializing_if = "is_default")]
         uneven: Uneven, Truth, Means("false");
-    }
-}
-
-words! {
-    /// Layout of a panel pixel's colours.
-    @[derive(Default)]
-    pub enum Subpixels {
-        /// All on the whole pixel.
-        @[default]
-        Whole = "whole",
-        /// Red, green and blue from left to right, a third of the pixel each.
-        Stripes = "stripes",
     }
 }
 

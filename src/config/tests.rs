@@ -248,7 +248,7 @@ fn a_default_written_and_a_default_left_out_are_the_same_rig() {
 #[test]
 fn identities_do_not_change() {
     for (name, identity) in [
-        ("simulated.toml", 0x9fde_aa6a_b7bf_b9d7),
+        ("simulated.toml", 0x487d_f449_51f6_e924),
         ("ideal.toml", 0x9e12_f317_cba6_7b36),
         ("study.toml", 0x8570_706e_d3db_35f6),
         ("small.toml", 0xd94c_2a41_c826_05bf),

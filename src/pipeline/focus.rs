@@ -81,7 +81,7 @@ impl Pipeline {
     /// Fits the lens of `photo` to the [focus of its colours](ColourFocus).
     pub(super) fn fit_colours(&self, photo: &mut Prepared<'_>) {
         let (observation, lens) = (&photo.observation, self.lens_of(photo));
-        let line_up = |light: &Frame<Work>| self.photo_side.line_up_colours(light);
+        let line_up = |light: &Frame<Work>| self.photo_side.line_up_colours(light, [0.0; 2]);
         let Some(colours) = ColourFocus::of(&lens.model, observation, line_up) else { return };
         let norms = Norms {
             norm_squared: colours.norms_squared(&lens.norm_squared),

@@ -6,8 +6,9 @@ use super::Pipeline;
 use super::stages::{BoundedLens, Prepared, Solved};
 use crate::deconvolution::focus::OpticsAtFocus;
 use crate::deconvolution::forward_convolution::ForwardConvolution;
+use crate::deconvolution::lateral_colour::lateral_colour_px;
 use crate::deconvolution::method::{About, Method, MethodError, Problem, Solution, Watch};
-use crate::frame::{Channels, Frame, Work};
+use crate::frame::{Channels, Frame, Work, once};
 use crate::rig::exposure::Devices;
 
 impl Pipeline {
@@ -86,8 +87,15 @@ impl Pipeline {
         solution: Solution,
     ) -> Solved {
         let rect = photo.observation.rect;
+        let line_up = |corner_px| self.photo_side.line_up_colours(&solution.picture, corner_px);
         let mut picture = match photo.observation.channels {
-            Channels::Colour => self.photo_side.line_up_colours(&solution.picture).crop(rect),
+            Channels::Colour => {
+                let corner_px = *once(&photo.lateral_colour_px, || {
+                    let functions = self.lens_of(photo).model.functions();
+                    lateral_colour_px(&line_up([0.0; 2]), &photo.observation, functions)
+                });
+                line_up(corner_px).crop(rect)
+            }
             Channels::Green => solution.picture.crop(rect),
         };
         if let Some(outliers) = &photo.outliers {

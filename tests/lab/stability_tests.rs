@@ -104,11 +104,9 @@ fn no_change_counts_once_in_the_rates() {
 #[ignore = "a minute: the gate runs it"]
 fn rigs_that_are_truthful_do_no_harm() {
     let views = [View::whole(Scene::Astronaut), View::quarter(Scene::Rocket, 1)];
-    for (truth, step) in [
-        ("filters; photo raw", 1),
-        ("uneven panel", 4),
-        ("wander and vibration", 2),
-    ] {
+    for (truth, step) in
+        [("filters; photo raw", 1), ("uneven panel", 4), ("wander and vibration", 2)]
+    {
         let runs = runs(swept(truth), &[step], &["hybrid"], &views, 19);
         assert_eq!(runs.len(), 2);
         assert!(runs.iter().all(|r| !r.delivered.harms(r.photo)), "{:#?}", words(&runs));

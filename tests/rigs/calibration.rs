@@ -260,9 +260,7 @@ fn responses_of_sites_and_bad_sites_are_found() {
     let mut config = load("truthful.toml");
     // Stripes beat with such coarse pixels, and not all of it is separable from sites.
     score_pattern(&config, 0.0027);
-    if let config::Kind::Simulated(simulation) = &mut config.kind {
-        simulation.display.subpixels = config::Subpixels::Whole;
-    }
+    config.panel.subpixels = config::Subpixels::Whole;
     score_pattern(&config, 0.0);
 }
 

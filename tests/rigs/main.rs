@@ -11,6 +11,7 @@ mod broad_light;
 mod calibration;
 mod divergence;
 mod focus;
+mod lateral_colour;
 mod method;
 mod nights;
 #[path = "../golden/npy.rs"]

@@ -13,27 +13,32 @@ use relens::rig::simulated::{self, Witness};
 use crate::{load, measured};
 
 /// A departure from the ideal rig, copied from a truthful one.
-type Departure = fn(&mut Simulation, &Simulation);
+type Departure = fn(&mut config::RigFile, &Simulation);
 
-fn scene_distance(simulation: &mut Simulation, mm: f64) {
-    simulation.lens.prescription.scene_distance_mm = Some(mm);
+fn simulation(rig: &mut config::RigFile) -> &mut Simulation {
+    let Kind::Simulated(simulation) = &mut rig.kind else { panic!("a simulated rig") };
+    simulation
+}
+
+fn scene_distance(rig: &mut config::RigFile, mm: f64) {
+    simulation(rig).lens.prescription.scene_distance_mm = Some(mm);
 }
 
 const DEPARTURES: [(&str, Departure); 8] = [
-    ("mosaic", |to, from| to.sensor.mosaic = from.sensor.mosaic),
-    ("uneven panel", |to, from| to.display.uneven = from.display.uneven),
-    ("subpixel stripes", |to, from| to.display.subpixels = from.display.subpixels),
+    ("mosaic", |to, from| simulation(to).sensor.mosaic = from.sensor.mosaic),
+    ("uneven panel", |to, from| simulation(to).display.uneven = from.display.uneven),
+    ("subpixel stripes", |to, _| to.panel.subpixels = Subpixels::Rgb),
     ("scene at 3.8 m", |to, _| scene_distance(to, 3800.0)),
     ("wander, vibration", |to, from| {
-        to.unrest = config::Unrest { flicker_share: 0.0, ..from.unrest };
+        simulation(to).unrest = config::Unrest { flicker_share: 0.0, ..from.unrest };
     }),
-    ("flicker", |to, from| to.unrest.flicker_share = from.unrest.flicker_share),
+    ("flicker", |to, from| simulation(to).unrest.flicker_share = from.unrest.flicker_share),
     ("fixed pattern, hot pixels", |to, from| {
-        to.sensor.gain_deviation = from.sensor.gain_deviation;
-        to.sensor.hot_pixel_share = from.sensor.hot_pixel_share;
-        to.sensor.hot_pixel_levels = from.sensor.hot_pixel_levels;
+        simulation(to).sensor.gain_deviation = from.sensor.gain_deviation;
+        simulation(to).sensor.hot_pixel_share = from.sensor.hot_pixel_share;
+        simulation(to).sensor.hot_pixel_levels = from.sensor.hot_pixel_levels;
     }),
-    ("camera's curve", |to, from| to.sensor.curve = from.sensor.curve),
+    ("camera's curve", |to, from| simulation(to).sensor.curve = from.sensor.curve),
 ];
 
 /// Departures larger than the truthful rig's.
@@ -41,15 +46,13 @@ const STRONGER: [(&str, Departure); 4] = [
     ("scene at 3.2 m", |to, _| scene_distance(to, 3200.0)),
     ("scene at 5 m", |to, _| scene_distance(to, 5000.0)),
     ("scene at 8 m", |to, _| scene_distance(to, 8000.0)),
-    ("a webcam's gamma of 0.6", |to, _| to.sensor.curve.gamma = 0.6),
+    ("a webcam's gamma of 0.6", |to, _| simulation(to).sensor.curve.gamma = 0.6),
 ];
 
 /// The small rig with `departures`.
 fn departed(departures: &[Departure]) -> config::RigFile {
     let (mut rig, truthful) = (load("small.toml"), load("truthful.toml"));
-    if let Kind::Simulated(simulation) = &mut rig.kind {
-        departures.iter().for_each(|take| take(simulation, truthful.simulation().unwrap()));
-    }
+    departures.iter().for_each(|take| take(&mut rig, truthful.simulation().unwrap()));
     rig
 }
 
@@ -147,11 +150,10 @@ fn tried(
 fn the_panel_s_stripes_do_not_affect_the_lens_measurement() {
     let errors = |whole: bool| {
         let mut rig = load("truthful.toml");
-        let Kind::Simulated(simulation) = &mut rig.kind else { panic!("a simulated rig") };
-        simulation.seed = 4;
-        assert_eq!(simulation.display.subpixels, Subpixels::Stripes);
+        simulation(&mut rig).seed = 4;
+        assert_eq!(rig.panel.subpixels, Subpixels::Rgb);
         if whole {
-            simulation.display.subpixels = Subpixels::Whole;
+            rig.panel.subpixels = Subpixels::Whole;
         }
         measured(&rig).unwrap().operator_error
     };
@@ -223,7 +225,7 @@ fn gain(all: &[Tried]) -> [f64; 2] {
 #[ignore = "minutes: the long gate runs it"]
 fn a_knock_of_half_a_pixel_costs_less_than_a_tenth_of_the_gain() {
     let scenes = [Scene::Astronaut, Scene::Coffee];
-    let unrest = |to: &mut Simulation, from: &Simulation| to.unrest = from.unrest;
+    let unrest: Departure = |to, from| simulation(to).unrest = from.unrest;
     for (name, rig) in [("steady", load("small.toml")), ("unrest", departed(&[unrest]))] {
         let asked = Asked::delivered(false);
         let still = gain(&tried(&rig, &scenes, asked, &|_| {}).unwrap());
@@ -245,7 +247,7 @@ fn a_knock_of_half_a_pixel_costs_less_than_a_tenth_of_the_gain() {
 #[test]
 fn motion_and_flicker_of_the_panel_do_not_count_as_noise() {
     let calm = departed(&[]);
-    let unrest: Departure = |to, from| to.unrest = from.unrest;
+    let unrest: Departure = |to, from| simulation(to).unrest = from.unrest;
     let noise = |rig: &config::RigFile| measured(rig).unwrap().noise;
     for departures in [&[unrest][..], &[DEPARTURES[0].1, unrest]] {
         for (calm, found) in noise(&calm).into_iter().zip(noise(&departed(departures))) {
@@ -327,7 +329,7 @@ fn corners(picture: &Frame<Work>) -> Vec<f64> {
 
 #[test]
 fn an_uneven_panel_does_not_change_the_photo_s_shading() {
-    let uneven = |to: &mut Simulation, from: &Simulation| to.display.uneven = from.display.uneven;
+    let uneven: Departure = |to, from| simulation(to).display.uneven = from.display.uneven;
     let rig = departed(&[uneven]);
     let (mut devices, witness) = simulated::open(&rig).unwrap();
     let calibration = measured(&rig).unwrap();

@@ -6,6 +6,7 @@ use crate::calibration::example::calibration;
 pub(super) fn layout() -> Layout {
     Layout {
         panel: Size::new(70, 60),
+        subpixels: Subpixels::Whole,
         sensor: Size::new(48, 38),
         photo: Size::new(40, 30),
         photo_x_px: 4,
@@ -141,6 +142,7 @@ fn time_of_show_and_see() {
     };
     let layout = Layout {
         panel: Size::new(1920, 1080),
+        subpixels: Subpixels::Whole,
         sensor: Size::new(1152, 896),
         photo: Size::new(1024, 768),
         photo_x_px: 64,

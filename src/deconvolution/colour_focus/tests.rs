@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::*;
 use crate::deconvolution::example_lens::{SIZE, gaussians, lens, photo};
 use crate::deconvolution::observation::Raw;
-use crate::frame::Mosaic;
+use crate::frame::{Mosaic, Rect};
 
 /// The measured lens: red blurred most, green least.
 fn measured() -> LensFunctions {

@@ -13,7 +13,7 @@ use super::optics::{Light, Optics};
 use super::panel::{self, Projection, Shading, approach};
 use super::pose::PanelMap;
 use super::sensor::SimulatedSensor;
-use super::stripes::{self, Beat};
+use super::stripes::Beat;
 use super::unrest;
 use super::wear::Wear;
 use crate::config::{CameraTable, DisplayTable, Faults, PanelTable, Unrest};
@@ -168,7 +168,7 @@ impl OpticalBench {
         map: &PanelMap,
         projection: Projection,
     ) {
-        self.beat = Beat::new(&self.display, &optics, map, &projection);
+        self.beat = Beat::new(&self.panel, &optics, map, &projection);
         (self.optics, self.projection) = (optics, projection);
         self.forget_light();
     }
@@ -410,7 +410,7 @@ impl OpticalBench {
     fn through(&self, channel: Channel, panel: &Plane) -> Plane {
         let optics = &self.optics;
         let [right, down] = self.projection.offset_px(self.moved_px);
-        let right = right + stripes::offset_px(&self.display, channel);
+        let right = right + self.panel.subpixels.offset_px(channel);
         let on_grid = self.projection.light(panel, [right, down]);
         let blurred = optics.through_lens(Light::Panel, channel, &on_grid);
         let mut seen = blurred.crop(Rect { x: optics.pad, y: optics.pad, size: optics.sensor });

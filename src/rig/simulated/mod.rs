@@ -60,7 +60,7 @@ pub fn open(rig: &config::RigFile) -> Result<(Devices, Witness), RigError> {
     optics.prepare();
     let projection = Projection::new(&map, optics.grid(), optics.pad);
     let bench = OpticalBench::new(Parts {
-        beat: Beat::new(&simulation.display, &optics, &map, &projection),
+        beat: Beat::new(&rig.panel, &optics, &map, &projection),
         projection,
         shading: Shading::new(&simulation.display.uneven, &map, rig.panel.size()),
         unrest: simulation.unrest,

@@ -11,19 +11,11 @@ use rustfft::num_complex::Complex;
 use super::optics::Optics;
 use super::panel::Projection;
 use super::pose::PanelMap;
-use crate::config::{DisplayTable, Subpixels};
+use crate::config::{PanelTable, Subpixels};
 use crate::frame::{Channel, Plane};
 
 /// Samples of the transfer function along each axis.
 const PLACES: usize = 9;
-
-/// Offset of a channel's stripe to the right of its pixel's centre, in panel pixels.
-pub(super) fn offset_px(display: &DisplayTable, channel: Channel) -> f64 {
-    match display.subpixels {
-        Subpixels::Whole => 0.0,
-        Subpixels::Stripes => (channel.index() as f64 - 1.0) / 3.0,
-    }
-}
 
 /// Beat of the stripes with the sensor's pixels, as a share of the light: real and imaginary part
 /// of a wave whose phase moves with the panel.
@@ -32,12 +24,12 @@ pub(super) struct Beat([[Plane; 2]; 3]);
 impl Beat {
     /// Beat seen through `optics`; `None` for whole pixels.
     pub(super) fn new(
-        display: &DisplayTable,
+        panel: &PanelTable,
         optics: &Optics,
         map: &PanelMap,
         projection: &Projection,
     ) -> Option<Beat> {
-        if display.subpixels == Subpixels::Whole {
+        if panel.subpixels == Subpixels::Whole {
             return None;
         }
         // Lines per sensor pixel along columns and rows.
@@ -60,7 +52,8 @@ impl Beat {
                 let upper = at(column, row) * (1.0 - across) + at(column + 1.0, row) * across;
                 let lower =
                     at(column, row + 1.0) * (1.0 - across) + at(column + 1.0, row + 1.0) * across;
-                let place = map.to_panel([x as f64, y as f64])[0] - offset_px(display, channel);
+                let place =
+                    map.to_panel([x as f64, y as f64])[0] - panel.subpixels.offset_px(channel);
                 (upper * (1.0 - along) + lower * along) * Complex::cis(TAU * place)
             };
             [

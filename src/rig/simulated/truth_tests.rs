@@ -301,13 +301,15 @@ pub(super) fn spot(size: Size, at: [f64; 2]) -> Codes {
     })
 }
 
+/// An LCD's stripes for whole pixels.
+const STRIPES: (&str, &str) = ("subpixels = \"whole\"", "subpixels = \"rgb\"");
+
 pub(super) const NO_LEAKAGE: (&str, &str) = ("leakage-share = 0.001", "leakage-share = 0.0");
 
 #[test]
 fn striped_subpixels_move_red_and_blue_by_a_third_of_a_panel_pixel() {
-    let stripes = "subpixels = \"stripes\"\nresponse-ms = 5.0";
     let (config, _, whole) = quiet_with(&[NO_LEAKAGE, NO_GLARE]);
-    let (_, _, striped) = quiet_with(&[NO_LEAKAGE, NO_GLARE, ("response-ms = 5.0", stripes)]);
+    let (_, _, striped) = quiet_with(&[NO_LEAKAGE, NO_GLARE, STRIPES]);
     let codes = spot(config.panel.size(), [200.0, 120.0]);
     let [plain, moved] =
         [&whole, &striped].map(|w| moments(&w.light_on_sensor(&codes), w).map(|(place, _)| place));
@@ -319,13 +321,12 @@ fn striped_subpixels_move_red_and_blue_by_a_third_of_a_panel_pixel() {
 
 #[test]
 fn stripes_beat_with_the_sensor_s_pixels_as_far_as_the_lens_passes_them() {
-    let stripes = "subpixels = \"stripes\"\nresponse-ms = 5.0";
     // f/4 passes a twentieth of such a grating, f/16 most of it.
     for (stop, least, most) in [("18.75", 0.004, 0.03), ("4.7", 0.1, 0.3)] {
         let stop = format!("stop-diameter-mm = {stop}");
         let lens = [NO_GLARE, ("stop-diameter-mm = 18.75", &stop)];
         let (config, _, plain) = quiet_with(&lens);
-        let (_, _, striped) = quiet_with(&[lens[0], lens[1], ("response-ms = 5.0", stripes)]);
+        let (_, _, striped) = quiet_with(&[lens[0], lens[1], STRIPES]);
         let white = grey(&config, 255);
         let [plain, striped] = [&plain, &striped].map(|w| w.light_on_sensor(&white));
         // 1/0.86 panel pixels a sensor pixel: 6.14 pixels a beat.

@@ -8,6 +8,7 @@ use std::sync::LazyLock;
 
 use libfuzzer_sys::fuzz_target;
 use relens::calibration::{Correction, Layout, store};
+use relens::config::Subpixels;
 use relens::frame::{Channel, Frame, Plane, Size, Work};
 
 /// The rig and the photo that `tests/fuzz/seeds.rs` calibrates.
@@ -15,6 +16,7 @@ const RIG: u64 = 7;
 const LAYOUT: Layout = Layout {
     mosaic: None,
     panel: Size::new(64, 50),
+    subpixels: Subpixels::Whole,
     sensor: Size::new(60, 50),
     photo: Size::new(40, 30),
     photo_x_px: 10,

@@ -1,0 +1,220 @@
+//! Regression of one channel on another along a scene's local colour lines.
+//!
+//! Where the colours of a place lie along a line, one channel is y = a x + b of the other, with a
+//! and b of the place. A global share s of a change c, y = a (x + s c) + b, minimises the residual;
+//! its error follows from the scatter over tiles.
+
+use std::f32::consts::PI;
+
+use rayon::prelude::*;
+
+use super::colour_axis::width_px;
+use super::data_term::SATURATED;
+use super::lens_model::LensFunctions;
+use super::observation::Observation;
+use super::one_blur::{TILES, TILES_MIN};
+use super::smoothing::{blur, halve, mean_around};
+use crate::frame::{Channel, Plane, Rect, Size};
+
+/// σ of the window of the regression, in widths of the equal blur: of 0.5, 1 and 2 that with the
+/// least scatter (`lab focus`, tests/tables/README.md).
+const REACH: f32 = 1.0;
+/// Residual of the regression, as a share of the details' power, up to which a place's channels lie
+/// along a line. Guess.
+const ALONG_LINE: f32 = 0.1;
+/// Power of details over that of noise below which a place shows nothing. Guess.
+const DETAILS: f32 = 4.0;
+/// Gauss–Newton steps; the residual is nearly linear in a share.
+const STEPS: usize = 3;
+/// σ of shares before a photo is seen: 5 % of distance, or broad light, change them by 0.1 to 0.2
+/// (`simulated.toml`).
+const EXPECTED: f32 = 0.15;
+/// Error of a share for each RMS of the residual in units of the change by a share of 1, as colours
+/// along no line cause it: the scatter over nine scenes of `truthful.toml`.
+const OFF_LINE: f32 = 0.1;
+/// Largest share: beyond, the channels show different things.
+const SHARE_MAX: f32 = 0.5;
+
+/// Where a photo shows how its colours lie against each other, at half its resolution.
+pub(super) struct ColourPlaces {
+    /// The photo without the border that light from outside reaches.
+    rect: Rect,
+    /// Positive where saturated data reach; `None` without any.
+    saturated: Option<Plane>,
+    /// σ of windows, pixels.
+    reach_px: f32,
+    /// Noise power of a channel blurred twice.
+    noise: f32,
+}
+
+impl ColourPlaces {
+    /// The places of `photo`, taken through a lens of `functions`.
+    pub(super) fn of(photo: &Observation, functions: &LensFunctions) -> ColourPlaces {
+        let margin = functions.support_px / 2;
+        let Rect { x, y, size } = photo.rect;
+        let inner = |length: usize| length.saturating_sub(2 * margin) / 2;
+        let is_saturated = |x: usize, y: usize| {
+            Channel::ALL.iter().any(|&c| photo.trust.plane(c).at(x, y) == SATURATED)
+        };
+        let saturated: Plane =
+            Plane::from_fn(photo.size(), |x, y| f32::from(u8::from(is_saturated(x, y))));
+        let is_any = saturated.data().iter().any(|&v| v > 0.0);
+        let width_px = width_px(functions);
+        let power = |c: Channel| photo.noise[c.index()].powi(2) * photo.pixels_a_datum(c);
+        let power = Channel::ALL.into_iter().map(power).fold(0.0, f32::max);
+        ColourPlaces {
+            rect: Rect {
+                x: (x + margin) / 2,
+                y: (y + margin) / 2,
+                size: Size::new(inner(size.width), inner(size.height)),
+            },
+            saturated: is_any.then(|| mean_around(&halve(&saturated), margin / 2)),
+            reach_px: REACH * width_px / 2.0,
+            // White noise through a Gaussian of this σ keeps a power of 1/(4π σ²).
+            noise: power / (4.0 * PI * width_px.powi(2)),
+        }
+    }
+
+    /// The place of each pixel that shows something, with its tile.
+    fn each(&self) -> impl Iterator<Item = (usize, usize, usize)> {
+        let Rect { x: left, y: top, size } = self.rect;
+        let (columns, rows) = TILES;
+        let inside = (0..size.height).flat_map(move |y| (0..size.width).map(move |x| (x, y)));
+        inside.filter_map(move |(x, y)| {
+            let tile = y * rows / size.height * columns + x * columns / size.width;
+            let (x, y) = (left + x, top + y);
+            let is_saturated = self.saturated.as_ref().is_some_and(|of| of.at(x, y) > 0.0);
+            (!is_saturated).then_some((x, y, tile))
+        })
+    }
+}
+
+/// Two channels at half resolution: `of` lies along lines in `on`, if that is changed by the right
+/// share of `change`.
+pub(super) struct ChannelPair<'a> {
+    pub(super) of: &'a Plane,
+    pub(super) on: &'a Plane,
+    pub(super) change: &'a Plane,
+}
+
+/// Sums of one tile.
+#[derive(Clone, Copy, Default)]
+struct TileSums {
+    /// Products of residual and change.
+    products: f32,
+    /// Squares of the change.
+    changes: f32,
+    /// Squares of the residual.
+    residuals: f32,
+}
+
+impl ChannelPair<'_> {
+    /// The likeliest share; `None` where too little shows it, or it is implausible.
+    pub(super) fn share(&self, places: &ColourPlaces) -> Option<f32> {
+        let (mut share, mut error) = (0.0, f32::INFINITY);
+        for _ in 0..STEPS {
+            let mut tiles = self.tiles(places, share);
+            tiles.retain(|tile| tile.changes > 0.0);
+            if tiles.len() < TILES_MIN {
+                return None;
+            }
+            let step = median_step(&mut tiles);
+            share += step;
+            let changes: f32 = tiles.iter().map(|tile| tile.changes).sum();
+            let residuals: f32 = tiles.iter().map(|tile| tile.residuals).sum();
+            let scatter = |tile: &TileSums| (tile.products - step * tile.changes).powi(2);
+            let standard = tiles.iter().map(scatter).sum::<f32>().sqrt() / changes;
+            error = standard.hypot(OFF_LINE * (residuals / changes).sqrt());
+        }
+        let likeliest = share / (1.0 + (error / EXPECTED).powi(2));
+        (share.abs() <= SHARE_MAX).then_some(likeliest)
+    }
+
+    /// The sums of all tiles at `share`, relative to the details' power of each place.
+    fn tiles(&self, places: &ColourPlaces, share: f32) -> Vec<TileSums> {
+        let mut on = self.on.clone();
+        on.add_scaled(share, self.change);
+        let local = Local::of([self.of, &on, self.change], places.reach_px);
+        let mut tiles = vec![TileSums::default(); TILES.0 * TILES.1];
+        for (x, y, tile) in places.each() {
+            let n = y * on.width() + x;
+            let LineMoments { of, on, of_on, change_on } = local.moments(n);
+            let is_along_line =
+                of_on > 0.0 && of - of_on * of_on / on.max(f32::MIN_POSITIVE) < ALONG_LINE * of;
+            if of.min(on) < DETAILS * places.noise || !is_along_line {
+                continue;
+            }
+            let [of_here, on_here, change_here] = local.details(n);
+            let slope = of_on / on;
+            let residual = of_here - slope * on_here;
+            // The slope follows the change.
+            let change = slope * (change_here - change_on / on * on_here);
+            let sums = &mut tiles[tile];
+            sums.products += residual * change / of;
+            sums.changes += change * change / of;
+            sums.residuals += residual * residual / of;
+        }
+        tiles
+    }
+}
+
+/// Three planes `of`, `on` and `change`, their means and mean products in windows.
+struct Local<'a> {
+    planes: [&'a Plane; 3],
+    means: Vec<Plane>,
+    products: Vec<Plane>,
+}
+
+/// Variances and covariances in a window.
+struct LineMoments {
+    of: f32,
+    on: f32,
+    of_on: f32,
+    change_on: f32,
+}
+
+impl<'a> Local<'a> {
+    /// Means in Gaussian windows of σ `reach_px`.
+    fn of(planes: [&'a Plane; 3], reach_px: f32) -> Local<'a> {
+        let product = |&[a, b]: &[usize; 2]| {
+            let mut product = planes[a].clone();
+            product.data_mut().iter_mut().zip(planes[b].data()).for_each(|(v, b)| *v *= b);
+            blur(&product, reach_px)
+        };
+        let (means, products) = rayon::join(
+            || planes.par_iter().map(|plane| blur(plane, reach_px)).collect(),
+            || [[0, 0], [1, 1], [0, 1], [2, 1]].par_iter().map(product).collect(),
+        );
+        Local { planes, means, products }
+    }
+
+    fn moments(&self, n: usize) -> LineMoments {
+        let [of, on, change] = [0, 1, 2].map(|k: usize| self.means[k].data()[n]);
+        let product = |k: usize| self.products[k].data()[n];
+        LineMoments {
+            of: product(0) - of * of,
+            on: product(1) - on * on,
+            of_on: product(2) - of * on,
+            change_on: product(3) - change * on,
+        }
+    }
+
+    /// The planes less their means.
+    fn details(&self, n: usize) -> [f32; 3] {
+        [0, 1, 2].map(|k: usize| self.planes[k].data()[n] - self.means[k].data()[n])
+    }
+}
+
+/// The median of the tiles' own steps, weighted by their changes: a stamp in one corner does not
+/// count.
+fn median_step(tiles: &mut [TileSums]) -> f32 {
+    let step = |tile: &TileSums| tile.products / tile.changes;
+    tiles.sort_by(|a, b| step(a).total_cmp(&step(b)));
+    let half = tiles.iter().map(|tile| tile.changes).sum::<f32>() / 2.0;
+    let mut below = 0.0;
+    let median = tiles.iter().find(|tile| {
+        below += tile.changes;
+        below >= half
+    });
+    median.map_or(0.0, step)
+}
