@@ -1,5 +1,7 @@
 //! Tables of every rig, real or simulated; units are in the names of their fields.
 
+use toml::Value;
+
 use super::keys::{table, words};
 use super::method_name::MethodName;
 use super::simulation::is_default;
@@ -15,6 +17,14 @@ table! {
         height_px: usize, Whole(16, 16384), Says("the sensor without the canvas margins");
         /// Tone curve of photos whose file names none.
         curve: Curve, Word(Curve::WORDS), Means("\"srgb\"");
+        /// Parts of the names of cameras, capitals or not, whose photos are restored: maker and
+        /// model, as files state them. A photo whose file names another camera is returned
+        /// unchanged; one whose file names none, or by `relens shoot`, is not affected.
+        @[serde(default, skip_serializing_if = "Vec::is_empty")]
+        cameras: Vec<String>, Such("texts in quotes between square brackets", |value| {
+            let is_text = |one: &Value| one.as_str().is_some_and(|text| !text.trim().is_empty());
+            value.as_array().is_some_and(|all| !all.is_empty() && all.iter().all(is_text))
+        }), Says("photos of all cameras are restored");
         /// Format of results of raw photos.
         raw_results: RawResults, Word(RawResults::WORDS), Means("\"tiff\"");
     }

@@ -382,6 +382,16 @@ fn the_words_for_the_focus_are_part_of_the_identity_and_fit_into_a_photo() {
 }
 
 #[test]
+fn cameras_are_listed_by_parts_of_their_names() {
+    let cameras = |list: &str| changed("[photo]", &format!("[photo]\ncameras = {list}"));
+    assert_eq!(cameras("[\"imx296\", \"X\"]").expect("texts").photo.cameras, ["imx296", "X"]);
+    for wrong in ["[]", "[\"\"]", "\"imx296\"", "[296]"] {
+        let error = message(cameras(wrong));
+        assert!(error.contains("photo.cameras") && error.contains("square brackets"), "{error}");
+    }
+}
+
+#[test]
 #[cfg(not(feature = "hardware"))]
 fn a_hardware_rig_gets_one_clear_sentence() {
     let said = message(parse(BUILT_IN[4].1, "raspberry-pi-5.toml"));
@@ -395,6 +405,7 @@ fn the_identity_covers_what_a_calibration_depends_on_and_nothing_else() {
     assert_eq!(identity("seed = 1", "seed = 2"), same);
     assert_eq!(identity("[pose]", "[paper]\nmargin-px = 5\n[pose]"), same);
     assert_eq!(identity("[pose]", "[faults]\nmissing = 0.1\n[pose]"), same);
+    assert_eq!(identity("[photo]", "[photo]\ncameras = [\"imx296\"]"), same);
     assert_ne!(identity("rotation-deg = 0.35", "rotation-deg = 0.36"), same);
     assert_ne!(identity("bits = 10", "bits = 10\nphoto-x-px = 15"), same);
     assert_ne!(identity("gamma = [2.25", "gamma = [2.24"), same);

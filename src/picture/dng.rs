@@ -9,7 +9,7 @@ mod write;
 use std::collections::BTreeSet;
 
 use super::Flaw;
-use super::exif;
+use super::exif::{self, MAKE, MODEL};
 use super::metadata::{Lost, Walked};
 use super::tiff::{
     BITS_PER_SAMPLE, COMPRESSION, Directory, File, IMAGE_LENGTH, IMAGE_WIDTH, IPTC,
@@ -26,8 +26,6 @@ pub use write::Dng;
 const FILL_ORDER: u16 = 266;
 const XMP: u16 = 700;
 const DESCRIPTION: u16 = 270;
-const MAKE: u16 = 271;
-const MODEL: u16 = 272;
 const ORIENTATION: u16 = 274;
 const SAMPLES_PER_PIXEL: u16 = 277;
 const CFA_REPEAT: u16 = 33421;
@@ -283,10 +281,8 @@ impl Directory<'_> {
     /// The camera, if stated.
     fn camera(&self) -> Option<PhotoCamera> {
         let text = |tag| self.text(tag).ok().flatten().filter(|text| !text.is_empty());
-        let words = [MAKE, MODEL].map(|tag| text(tag).unwrap_or_default());
-        let name = words.join(" ").trim().to_owned();
         let setting = text(DESCRIPTION).and_then(|words| RigSetting::of_words(&words));
-        (!name.is_empty()).then(|| PhotoCamera { name, serial: text(SERIAL), setting })
+        Some(PhotoCamera { name: exif::camera_in(self)?, serial: text(SERIAL), setting })
     }
 
     /// The camera's colours, if stated and valid; of two matrices the one for daylight.

@@ -9,13 +9,15 @@ use super::tiff::{
 };
 use crate::frame::Size;
 
+pub(super) const MAKE: u16 = 271;
+pub(super) const MODEL: u16 = 272;
 const INTEROPERABILITY: u16 = 0xa005;
 const INTEROPERABILITY_INDEX: u16 = 1;
 const COLOUR_SPACE: u16 = 0xa001;
 
 /// Fields of a first directory that describe the photo (TIFF 6.0): description, maker, model,
 /// program, date, artist, copyright.
-const DESCRIPTIVE: [u16; 7] = [270, 271, 272, 305, 306, 315, 33432];
+const DESCRIPTIVE: [u16; 7] = [270, MAKE, MODEL, 305, 306, 315, 33432];
 /// Fields of EXIF that TIFF/EP keeps in the first directory: exposure time, aperture, sensitivity,
 /// date, focal length.
 const EXPOSURE: [u16; 5] = [33434, 33437, 34855, 36867, 37386];
@@ -146,6 +148,23 @@ pub(super) fn into_tiff(mut bytes: Vec<u8>, exif: &[u8]) -> Vec<u8> {
     let at = append(&mut bytes, &main);
     begin_at(&mut bytes, at);
     bytes
+}
+
+/// Maker and model in `directory`, if stated.
+pub(super) fn camera_in(directory: &Directory<'_>) -> Option<String> {
+    let text = |tag| directory.text(tag).ok().flatten().unwrap_or_default();
+    let name = [MAKE, MODEL].map(text).join(" ").trim().to_owned();
+    (!name.is_empty()).then_some(name)
+}
+
+/// Maker and model in the block `exif`. The programs of rpicam-apps state them beside the exposure.
+pub(super) fn camera(exif: &[u8]) -> Option<String> {
+    let file = File::new(exif);
+    let first = Directory::read(&file, file.u32(4).ok()? as usize).ok()?;
+    camera_in(&first).or_else(|| {
+        let below = first.number(EXIF_DIRECTORY).ok()??;
+        camera_in(&Directory::read(&file, below).ok()?)
+    })
 }
 
 /// Whether the block `exif` states Adobe RGB (DCF 2.0, §4.6; EXIF 2.3, §4.6.5).
@@ -281,6 +300,23 @@ mod tests {
         assert_eq!(into_tiff(b"II*\0".to_vec(), b"II"), b"II*\0");
         let nothing = append(&mut b"II*\0\x08\0\0\0".to_vec(), &Fields::new());
         assert!(of_tiff(&File::new(b"II*\0"), &[nothing as usize]).is_none());
+    }
+
+    #[test]
+    fn a_camera_is_named_in_the_first_directory_or_beside_the_exposure() {
+        let text = |words: &[u8]| Field { kind: 2, count: words.len(), bytes: words.to_vec() };
+        let names = || Fields::from([(MAKE, text(b"Raspberry Pi\0")), (MODEL, text(b"imx296\0"))]);
+        for below in [false, true] {
+            let mut out = b"II*\0\0\0\0\0".to_vec();
+            let mut at = append(&mut out, &names());
+            if below {
+                at = append(&mut out, &Fields::from([(EXIF_DIRECTORY, Field::pointer(at))]));
+            }
+            begin_at(&mut out, at);
+            assert_eq!(camera(&out).as_deref(), Some("Raspberry Pi imx296"));
+            (0..out.len()).for_each(|cut| drop(camera(&out[..cut])));
+        }
+        assert_eq!(camera(b"II*\0\xff\xff\xff\xff"), None);
     }
 
     #[test]

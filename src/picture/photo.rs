@@ -16,7 +16,8 @@ use super::kind::{Content, Format, is_raw_name, misnamed, tiff_of_a_camera};
 use super::metadata::Lost;
 use super::reading::{open, read_bytes};
 use super::{
-    CameraColours, Flaw, Orientation, PhotoCamera, PictureError, PixelLayout, Tone, shape, tone,
+    CameraColours, Flaw, Orientation, PhotoCamera, PictureError, PixelLayout, Tone, exif, shape,
+    tone,
 };
 use crate::config::{Curve, RawResults};
 
@@ -86,7 +87,7 @@ pub struct Photo {
     pub raw: Option<RawSites>,
     /// A JPEG's quantised coefficients, where it has the rig's size and was not cut.
     pub coding: Option<Coding>,
-    /// The camera, as far as a raw photo states it.
+    /// The camera, as far as the file states it.
     pub camera: Option<PhotoCamera>,
     /// The channels that hold data.
     pub channels: Channels,
@@ -221,12 +222,13 @@ impl Photo {
         }
         let Raster { content, layout, bits, orientation, icc, exif, coding, lost, .. } = raster;
         let format = content.written();
+        let named = exif.as_deref().and_then(exif::camera);
         Photo {
             name: name.to_owned(),
             light,
             raw: None,
             coding,
-            camera: None,
+            camera: named.map(|name| PhotoCamera { name, serial: None, setting: None }),
             channels: if is_grey { Channels::Green } else { Channels::Colour },
             manner: Manner {
                 format,

@@ -194,7 +194,8 @@ impl Restorer for OnRig {
         {
             return Err(AnyFailure::from(PictureError::Refused { name: photo.name.clone(), flaw }));
         }
-        if let Some(reason) = photo.why_too_small() {
+        let unlisted = provenance::unlisted_camera(&self.config, camera);
+        if let Some(reason) = unlisted.or_else(|| photo.why_too_small()) {
             return Ok(Outcome::untouched(photo.light.clone(), reason));
         }
         let by = self.config.camera.binning;

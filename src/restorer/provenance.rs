@@ -1,5 +1,5 @@
-//! The provenance of a raw photo by its file: whether this rig's camera can have taken it, and the
-//! note where nothing proves that it did.
+//! The provenance of a photo by its file: whether this rig's camera can have taken it, and the note
+//! where nothing proves that it did.
 
 use crate::config::RigFile;
 use crate::frame::{Mosaic, RawSites};
@@ -46,6 +46,21 @@ pub(super) fn other_camera(
     })
 }
 
+/// Why a photo whose file names `camera` is returned as it is: the rig file lists other cameras.
+pub(super) fn unlisted_camera(config: &RigFile, camera: Option<&PhotoCamera>) -> Option<String> {
+    let (found, allowed) = (&camera?.name, &config.photo.cameras);
+    let holds = |part: &String| found.to_lowercase().contains(&part.to_lowercase());
+    let is_ours = *found == dng::camera_of(&config.name);
+    (!allowed.is_empty() && !is_ours && !allowed.iter().any(holds)).then(|| {
+        format!(
+            "the photo is of another camera by its file: found {found:?}, allowed names with {} \
+             by photo.cameras in the rig file; drop photos taken through the rig's lens, or add \
+             their camera there",
+            allowed.iter().map(|part| format!("{part:?}")).collect::<Vec<_>>().join(" or ")
+        )
+    })
+}
+
 fn other_setting(what: &str, found: &str, allowed: &str) -> Flaw {
     Flaw::OtherCamera(format!(
         "was taken with other settings than the lens was measured with: {what} found {found}, \
@@ -71,5 +86,28 @@ pub(super) fn camera_note(config: &RigFile, camera: Option<&PhotoCamera>) -> Opt
                         with the present ones";
             (setting.identity != config.identity).then(|| note.to_owned())
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_listed_camera_or_none_is_taken_and_another_named() {
+        let mut rig = crate::config::load(std::path::Path::new("small.toml")).unwrap();
+        let why = |rig: &RigFile, name: &str| {
+            let camera = PhotoCamera { name: name.to_owned(), serial: None, setting: None };
+            unlisted_camera(rig, Some(&camera))
+        };
+        assert_eq!(why(&rig, "Apple iPhone 6"), None, "nothing is listed");
+        rig.photo.cameras = vec!["IMX296".to_owned(), "33UX174".to_owned()];
+        assert_eq!(unlisted_camera(&rig, None), None, "the file names none");
+        for ours in ["Raspberry Pi /base/soc/i2c0mux/i2c@1/imx296@1a", "relens small"] {
+            assert_eq!(why(&rig, ours), None, "{ours}");
+        }
+        let words = why(&rig, "Apple iPhone 6").unwrap();
+        assert!(words.contains(r#"found "Apple iPhone 6", allowed names with "IMX296" or "#));
+        assert!(why(&rig, "relens another").unwrap().contains("photo.cameras in the rig file"));
     }
 }

@@ -2,12 +2,12 @@
 
 use serde::{Deserialize, Serialize};
 
-/// The camera of a raw photo.
+/// The camera of a photo by its file.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct PhotoCamera {
     /// Maker and model.
     pub name: String,
-    /// Its serial number.
+    /// Its serial number, if a raw photo states it.
     pub serial: Option<String>,
     /// The rig's settings, in relens's own photos.
     pub setting: Option<RigSetting>,
