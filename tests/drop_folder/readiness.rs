@@ -323,6 +323,23 @@ fn the_state_counts_waiting_photos_by_what_they_wait_for() {
 }
 
 #[test]
+fn each_folder_may_be_a_link_to_one_elsewhere() {
+    let (root, elsewhere) = (fresh_root(), tempfile::tempdir().unwrap());
+    let root = root.path();
+    for name in ["inbox", "working", "outbox", "done", "failed"] {
+        std::fs::create_dir(elsewhere.path().join(name)).unwrap();
+        std::os::unix::fs::symlink(elsewhere.path().join(name), root.join(name)).unwrap();
+    }
+    drop_in(root, "a.png", &file(Format::Png, 8, RIG));
+    drop_in(root, "b.png", b"Dear Sir");
+    let summary = once(root);
+    assert_eq!((summary.restored.len(), summary.failed.len()), (1, 1), "{summary:?}");
+    for path in ["done/a.png", "outbox/a.png", "failed/b.png"] {
+        assert!(elsewhere.path().join(path).is_file(), "{path}");
+    }
+}
+
+#[test]
 fn links_to_folders_are_not_entered_and_nested_folders_are_refused() {
     let root = fresh_root();
     let root = root.path();
