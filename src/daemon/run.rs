@@ -332,7 +332,8 @@ impl<'a> Daemon<'a> {
                 Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
                 opened => opened?,
             };
-            match setting.reader.check_complete(&name, file, &setting.reading.limits) {
+            let limits = setting.reading.limits.on(setting.reading.grid);
+            match setting.reader.check_complete(&name, file, &limits) {
                 Err(PictureError::Read { source, .. }) => Err(FileError::at("read", &full)(source)),
                 Err(flaw) if flaw.growth() == Growth::Likely => Ok(Some(full_message(&flaw))),
                 _ => Ok(None),

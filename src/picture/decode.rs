@@ -4,6 +4,7 @@
 
 use std::collections::BTreeSet;
 use std::io::Cursor;
+use std::ops::Range;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use image::codecs::{
@@ -153,12 +154,21 @@ pub(super) fn walk(bytes: &[u8], limits: &Limits) -> Result<Heading, Flaw> {
         // Their size is checked by the decoder's header, before anything is allocated.
         Content::Bmp | Content::Gif | Content::Pnm | Content::Webp => others::walk(bytes, content)?,
     };
-    match walked.size {
-        Some(size) if size.width as u64 * size.height as u64 > limits.pixels_max => {
-            Err(Flaw::Oversized { found: size, allowed: limits.pixels_max })
-        }
-        _ => Ok(Heading { content, walked, raw }),
+    let Some(found) = walked.size else { return Ok(Heading { content, walked, raw }) };
+    if found.width as u64 * found.height as u64 > limits.pixels_max {
+        return Err(Flaw::Oversized { found, allowed: limits.pixels_max });
     }
+    // Flat areas may be coded in zero bits, so that only decoding shows whether data are missing. A
+    // photo of another shape is refused without.
+    let upright = Orientation::NoTransforms;
+    let fits = |grid| shape::check(found, upright, grid).is_ok();
+    if let Some(Range { start: from, end: to }) = walked.zeros
+        && limits.grid.is_none_or(fits)
+        && !jpeg::decodes_in_full(bytes)
+    {
+        return Err(Flaw::ZeroFilled { from, to, length: bytes.len() });
+    }
+    Ok(Heading { content, walked, raw })
 }
 
 /// Decodes a whole photo, developed or raw.
@@ -168,7 +178,7 @@ pub(super) fn walk(bytes: &[u8], limits: &Limits) -> Result<Heading, Flaw> {
 /// `limits`.
 pub(super) fn decode(bytes: &[u8], limits: &Limits) -> Result<Raster, Flaw> {
     let Heading { content, walked, raw } = walk(bytes, limits)?;
-    let Walked { lost, colours, exif, .. } = walked;
+    let Walked { lost, colours, exif, is_multiplied, .. } = walked;
     if let Some(raw) = raw {
         return Ok(Raster {
             content,
@@ -195,10 +205,12 @@ pub(super) fn decode(bytes: &[u8], limits: &Limits) -> Result<Raster, Flaw> {
         match content {
             Content::Written(Format::Jpeg) => {
                 let mut raster = collect(JpegDecoder::new(input), content, limits)?;
+                let coding = jpeg::coefficients(bytes).filter(|read| read.size == raster.size);
                 let step = raster.layout.samples();
-                let agrees = |coding: &Coding| jpeg::agrees(coding, &raster.samples, step);
-                raster.coding = jpeg::coefficients(bytes)
-                    .filter(|coding| coding.size == raster.size && agrees(coding));
+                raster.coding = match coding {
+                    Some(coding) => jpeg::agree(&coding, &raster.samples, step)?.then_some(coding),
+                    None => None,
+                };
                 Ok(raster)
             }
             Content::Written(Format::Png) => {
@@ -211,11 +223,20 @@ pub(super) fn decode(bytes: &[u8], limits: &Limits) -> Result<Raster, Flaw> {
             Content::Webp => collect(WebPDecoder::new(input), content, limits),
         }
     }));
-    let mut raster =
-        decoded.unwrap_or_else(|_| Err(Flaw::BrokeTheDecoder { kind: content.name() }))?;
+    let decoded = decoded.unwrap_or_else(|_| Err(Flaw::Undecodable { kind: content.name() }));
+    let mut raster = decoded.map_err(|flaw| match flaw {
+        Flaw::Unsupported { kind, found, allowed } if content == Content::Written(Format::Tiff) => {
+            let found = tiff::samples_of(bytes).unwrap_or(found);
+            Flaw::Unsupported { kind, found, allowed }
+        }
+        flaw => flaw,
+    })?;
     raster.lost.extend(lost);
     raster.exif = raster.exif.or(exif);
     raster.state(colours);
+    if is_multiplied && raster.layout.has_alpha() {
+        raster.divide_by_alpha();
+    }
     Ok(raster)
 }
 
@@ -232,6 +253,18 @@ impl Raster {
         let Some(colours) = colours else { return };
         self.is_srgb = matches!(colours, StatedColours::Srgb);
         self.icc = colours.profile(self.layout.is_grey());
+    }
+
+    /// Divides the colours by alpha.
+    fn divide_by_alpha(&mut self) {
+        let top = if self.bits == 8 { 255 } else { 65535 };
+        for pixel in self.samples.chunks_exact_mut(self.layout.samples()) {
+            let Some((&mut alpha, colours)) = pixel.split_last_mut() else { continue };
+            let alpha = u32::from(alpha);
+            for code in colours.iter_mut().filter(|_| alpha > 0) {
+                *code = ((u32::from(*code) * top + alpha / 2) / alpha).min(top) as u16;
+            }
+        }
     }
 }
 
@@ -312,7 +345,6 @@ fn layout_of(colours: ColorType) -> Result<(PixelLayout, u8), &'static str> {
         ColorType::La16 => Ok((PixelLayout::GreyAlpha, 16)),
         ColorType::Rgb16 => Ok((PixelLayout::Rgb, 16)),
         ColorType::Rgba16 => Ok((PixelLayout::RgbAlpha, 16)),
-        ColorType::Rgb32F | ColorType::Rgba32F => Err("numbers with fractions"),
         _ => Err("samples of another depth"),
     }
 }
@@ -334,6 +366,18 @@ mod tests {
         let raster = decode(&LOSSY_WEBP, &Limits::default()).unwrap();
         assert_eq!((raster.size, raster.bits), (Size::new(16, 16), 8));
         assert!(raster.coding.is_none());
+    }
+
+    #[test]
+    fn colours_multiplied_by_alpha_are_divided() {
+        let mut bytes = Vec::new();
+        let pixels = [100u8, 60, 0, 128, 9, 0, 0, 0].repeat(2);
+        let mut file = ::tiff::encoder::TiffEncoder::new(Cursor::new(&mut bytes)).unwrap();
+        let mut picture = file.new_image::<::tiff::encoder::colortype::RGB8>(2, 2).unwrap();
+        picture.extra_samples(&[::tiff::tags::ExtraSamples::AssociatedAlpha]).unwrap();
+        picture.write_data(&pixels).unwrap();
+        let raster = decode(&bytes, &Limits::default()).unwrap();
+        assert_eq!(raster.samples[..8], [199, 120, 0, 128, 9, 0, 0, 0]);
     }
 
     #[test]

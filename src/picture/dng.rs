@@ -12,9 +12,9 @@ use super::Flaw;
 use super::exif::{self, MAKE, MODEL};
 use super::metadata::{Lost, Walked};
 use super::tiff::{
-    BITS_PER_SAMPLE, COMPRESSION, Directory, File, IMAGE_LENGTH, IMAGE_WIDTH, IPTC,
-    NEW_SUBFILE_TYPE, PHOTOMETRIC, ROWS_PER_STRIP, SAMPLE_FORMAT, STRIP_BYTE_COUNTS, STRIP_OFFSETS,
-    SUB_DIRECTORIES,
+    BITS_PER_SAMPLE, COMPRESSION, Directory, FILL_ORDER, File, IMAGE_LENGTH, IMAGE_WIDTH, IPTC,
+    NEW_SUBFILE_TYPE, PHOTOMETRIC, ROWS_PER_STRIP, SAMPLE_FORMAT, SAMPLES_PER_PIXEL,
+    STRIP_BYTE_COUNTS, STRIP_OFFSETS, SUB_DIRECTORIES,
 };
 use crate::frame::{FULL_SCALE, Mosaic, Plane, Rect, Size};
 use blocks::SiteBlocks;
@@ -23,11 +23,9 @@ pub use camera::{PhotoCamera, RawTags, RigSetting};
 pub use colours::CameraColours;
 pub use write::Dng;
 
-const FILL_ORDER: u16 = 266;
 const XMP: u16 = 700;
 const DESCRIPTION: u16 = 270;
 const ORIENTATION: u16 = 274;
-const SAMPLES_PER_PIXEL: u16 = 277;
 const CFA_REPEAT: u16 = 33421;
 const CFA_PATTERN: u16 = 33422;
 const DNG_VERSION: u16 = 50706;
@@ -180,7 +178,7 @@ impl RawFile {
     /// The walk over the file; its size is that of all sites, masked ones included.
     pub(super) fn walked(&self) -> Walked {
         let (size, exif, lost) = (Some(self.blocks.size()), self.exif.clone(), self.lost.clone());
-        Walked { size, exif, lost, colours: None }
+        Walked { size, exif, lost, ..Walked::default() }
     }
 
     /// Its counts, row by row, in the `bytes` of its file.

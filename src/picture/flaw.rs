@@ -42,7 +42,10 @@ pub enum Flaw {
         length: usize,
     },
     /// No photo.
-    #[error("this is not a photo: found {found}, allowed JPEG, PNG, TIFF, WebP, BMP, GIF or PPM")]
+    #[error(
+        "this is not a photo: found {found}, allowed JPEG, PNG, TIFF, WebP, BMP, GIF or PPM; if an \
+         image program opens it, save it there as JPEG or PNG"
+    )]
     NotAPhoto {
         /// The kind of file.
         found: String,
@@ -72,7 +75,10 @@ pub enum Flaw {
         end: &'static str,
     },
     /// The file is complete but not valid.
-    #[error("the {kind} file is damaged: found {found}, allowed {allowed}")]
+    #[error(
+        "the {kind} file is damaged: found {found}, allowed {allowed}; copy it again, or save it \
+         anew in an image program"
+    )]
     Damaged {
         /// Kind of file.
         kind: &'static str,
@@ -102,7 +108,7 @@ pub enum Flaw {
         /// The varieties that are read.
         allowed: &'static str,
     },
-    /// The decoder refused it.
+    /// The decoder refused it, or panicked.
     #[error(
         "the {kind} data cannot be decoded, allowed are whole and valid files; copy the file \
          again, or save it anew in an image program"
@@ -122,12 +128,6 @@ pub enum Flaw {
         found: Size,
         /// The rig's photo size.
         allowed: Size,
-    },
-    /// The decoder panicked, which hostile or damaged files can cause.
-    #[error("the {kind} decoder failed on this file, allowed are valid files")]
-    BrokeTheDecoder {
-        /// Kind of file.
-        kind: &'static str,
     },
     /// Not the rig's shape.
     #[error(

@@ -17,9 +17,8 @@ use super::Flaw;
 use super::iptc::{self, RESOURCES};
 use super::metadata::{HOLE_BYTES, Lost, PartTable, Walked, longest_zero_run};
 use crate::frame::Size;
-pub(super) use agreement::agrees;
-pub(super) use coefficients::coefficients;
-use coefficients::decodes_in_full;
+pub(super) use agreement::agree;
+pub(super) use coefficients::{coefficients, decodes_in_full};
 pub(super) use usual_codes::with_usual_codes;
 
 /// Application segments by the beginning of their marker and body, and what is lost with them.
@@ -97,10 +96,6 @@ pub(super) fn walk(bytes: &[u8]) -> Result<Walked, Flaw> {
             "a frame header and a scan",
         ));
     };
-    // Flat areas may be coded in zero bits, so that only decoding shows whether data are missing.
-    if hole.len() >= HOLE_BYTES && !decodes_in_full(bytes) {
-        return Err(Flaw::ZeroFilled { from: hole.start, to: hole.end, length: bytes.len() });
-    }
     if components == 4 {
         return Err(unsupported("four inks (CMYK)"));
     }
@@ -108,6 +103,7 @@ pub(super) fn walk(bytes: &[u8]) -> Result<Walked, Flaw> {
     walked.lose(Lost::DENSITY, has_density && !has_exif);
     walked.lost.extend(behind_the_picture(&bytes[segments.at..]));
     walked.size = Some(size);
+    walked.zeros = (hole.len() >= HOLE_BYTES).then_some(hole);
     Ok(walked)
 }
 

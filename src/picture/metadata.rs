@@ -84,8 +84,12 @@ pub(super) struct Walked {
     /// Width and height by the header; `None` where only the decoder reads them.
     pub(super) size: Option<Size>,
     pub(super) lost: BTreeSet<Lost>,
+    /// Zeros that are picture only if the file decodes to its end.
+    pub(super) zeros: Option<Range<usize>>,
     /// Colours stated elsewhere than in an ICC profile.
     pub(super) colours: Option<StatedColours>,
+    /// Whether the colours are multiplied by alpha (TIFF 6.0, §18).
+    pub(super) is_multiplied: bool,
     /// Metadata as an EXIF block, from its TIFF header on, where the decoder finds none.
     pub(super) exif: Option<Vec<u8>>,
 }

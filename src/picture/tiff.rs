@@ -12,7 +12,7 @@ use super::metadata::{HOLE_BYTES, Lost, Walked};
 use super::tone::StatedColours;
 use crate::frame::Size;
 
-pub(super) use directory::{Directory, LETTERS_MAX};
+pub(super) use directory::{Directory, LETTERS_MAX, samples_of};
 
 pub(super) const NEW_SUBFILE_TYPE: u16 = 254;
 const SUBFILE_TYPE: u16 = 255;
@@ -21,6 +21,7 @@ pub(super) const IMAGE_LENGTH: u16 = 257;
 pub(super) const BITS_PER_SAMPLE: u16 = 258;
 pub(super) const COMPRESSION: u16 = 259;
 pub(super) const PHOTOMETRIC: u16 = 262;
+pub(super) const FILL_ORDER: u16 = 266;
 const TRANSFER_FUNCTION: u16 = 301;
 const WHITE_POINT: u16 = 318;
 const PRIMARIES: u16 = 319;
@@ -28,12 +29,14 @@ const RESOLUTION_UNIT: u16 = 296;
 pub(super) const IPTC: u16 = 33723;
 const IMAGE_RESOURCES: u16 = 34377;
 pub(super) const STRIP_OFFSETS: u16 = 273;
+pub(super) const SAMPLES_PER_PIXEL: u16 = 277;
 pub(super) const ROWS_PER_STRIP: u16 = 278;
 pub(super) const STRIP_BYTE_COUNTS: u16 = 279;
 const PLANAR_CONFIGURATION: u16 = 284;
 pub(super) const TILE_OFFSETS: u16 = 324;
 pub(super) const TILE_BYTE_COUNTS: u16 = 325;
 pub(super) const SUB_DIRECTORIES: u16 = 330;
+const EXTRA_SAMPLES: u16 = 338;
 pub(super) const SAMPLE_FORMAT: u16 = 339;
 pub(super) const EXIF_DIRECTORY: u16 = 34665;
 pub(super) const GPS_DIRECTORY: u16 = 34853;
@@ -42,10 +45,11 @@ const PIXEL_WIDTH: u16 = 40962;
 
 /// Values of [`PHOTOMETRIC`] and of [`COMPRESSION`] that are not read (TIFF 6.0; the last three by
 /// LibTIFF).
-const INKS: [(usize, &str); 3] = [
+const INKS: [(usize, &str); 4] = [
     (3, "a palette of colours"),
     (5, "four inks (CMYK)"),
     (6, "brightness and differences of colours (YCbCr)"),
+    (8, "brightness and colours of CIELab"),
 ];
 const PACKED: [(usize, &str); 8] = [
     (2, "a fax's compression"),
@@ -140,6 +144,7 @@ pub(super) fn walk(bytes: &[u8]) -> Result<Walked, Flaw> {
     }
     walked.lose(Lost::MAKER_NOTES, directory.has_maker_notes());
     walked.colours = directory.stated_colours();
+    walked.is_multiplied = directory.number(EXTRA_SAMPLES).ok().flatten() == Some(1);
     walked.lose(Lost::IPTC, has(&IPTC) || directory.has_iptc_resource().unwrap_or(false));
     // 1 is a mere ratio.
     let unit = directory.number(RESOLUTION_UNIT).ok().flatten();
@@ -225,7 +230,9 @@ impl Directory<'_> {
         let deep = (bits > 16 && is_whole).then(|| format!("samples of {bits} bits"));
         let is_parted = number(PLANAR_CONFIGURATION)? == 2 && self.find(TILE_OFFSETS).is_some();
         let parted = is_parted.then(|| "tiles of a single colour each".to_owned());
-        match unread(&INKS, inks).or(unread(&PACKED, packing)).or(deep).or(parted) {
+        let turned =
+            (number(FILL_ORDER)? == 2).then(|| "bytes with their bits reversed".to_owned());
+        match unread(&INKS, inks).or(unread(&PACKED, packing)).or(deep).or(parted).or(turned) {
             Some(found) => Err(Flaw::Unsupported { kind: "TIFF", found, allowed: READ }),
             None => Ok(()),
         }
@@ -456,6 +463,8 @@ mod tests {
         for (tag, value, words) in [
             (PHOTOMETRIC, 5, "four inks (CMYK)"),
             (PHOTOMETRIC, 3, "a palette"),
+            (PHOTOMETRIC, 8, "CIELab"),
+            (FILL_ORDER, 2, "bits reversed"),
             (COMPRESSION, 50000, "Zstandard"),
             (COMPRESSION, 7, "a JPEG's compression"),
             (BITS_PER_SAMPLE, 32, "samples of 32 bits"),
@@ -463,6 +472,10 @@ mod tests {
             let flaw = walk(&with(tag, 4, value, &[])).unwrap_err().to_string();
             assert!(flaw.contains(words), "{words}: {flaw}");
         }
+        let deep =
+            crate::picture::decode::decode(&with(BITS_PER_SAMPLE, 4, 12, &[]), &Default::default());
+        let flaw = deep.unwrap_err().to_string();
+        assert!(flaw.contains("found 1 numbers of 12 bits a pixel"), "{flaw}");
         let mut parted = with(PLANAR_CONFIGURATION, 4, 2, &[]);
         assert!(walk(&parted).is_ok(), "strips of a single colour each");
         let tiles = [(STRIP_OFFSETS, TILE_OFFSETS), (STRIP_BYTE_COUNTS, TILE_BYTE_COUNTS)];

@@ -90,7 +90,7 @@ fn each_bad_file_is_kept_with_its_own_reason() {
         ("zeros.jpg", &[0; 5000], "never filled"),
         ("tail.jpg", &tail, "never filled"),
         ("big.jpg", &oversized, "found 65535×65535 pixels by its header"),
-        ("floats.tif", &floats, "found numbers with fractions"),
+        ("floats.tif", &floats, "found 3 numbers with fractions"),
         ("phone.jpg", b"\0\0\0\x18ftypheic\0\0\0\0", "an HEIC picture"),
         ("DSCF0001.RAF", b"FUJIFILMCCD-RAW 0201", "a camera raw photo (Fujifilm RAF)"),
         ("paper.jpg", b"%PDF-1.7\nhello", "a PDF document"),

@@ -1,18 +1,30 @@
 //! Agreement of a JPEG's coefficients with its decoded picture.
 
+use super::super::Flaw;
+use super::unsupported;
 use crate::frame::block_transform::{cosines, transform, transposed};
 use crate::frame::{BLOCK_AREA, BLOCK_PX, Coding};
 
 /// Largest median difference in brightness, codes. Rounding to whole colours and back makes half a
-/// code; a file that is read wrongly differs by tens. Guess.
+/// code. Guess.
 const APART: f32 = 1.5;
+/// The median difference from which the decoder has misread the file, codes: such pictures differ
+/// by tens. Guess.
+const MISREAD: f32 = 15.0;
 
 /// Whether the brightness of `coding` is that of the decoded `samples`, `step` a pixel.
-pub(in crate::picture) fn agrees(coding: &Coding, samples: &[u16], step: usize) -> bool {
+///
+/// # Errors
+/// [`Flaw::Unsupported`] where the decoder has misread the file.
+pub(in crate::picture) fn agree(
+    coding: &Coding,
+    samples: &[u16],
+    step: usize,
+) -> Result<bool, Flaw> {
     let size = coding.size;
-    let Some(first) = coding.components.first() else { return false };
+    let Some(first) = coding.components.first() else { return Ok(false) };
     if samples.len() != size.area() * step {
-        return false;
+        return Ok(false);
     }
     let back = transposed(&cosines());
     let mut apart: Vec<f32> = Vec::with_capacity(size.area());
@@ -35,6 +47,13 @@ pub(in crate::picture) fn agrees(coding: &Coding, samples: &[u16], step: usize) 
             }
         }
     }
+    if apart.is_empty() {
+        return Ok(false);
+    }
     let middle = apart.len() / 2;
-    !apart.is_empty() && *apart.select_nth_unstable_by(middle, f32::total_cmp).1 <= APART
+    let median = *apart.select_nth_unstable_by(middle, f32::total_cmp).1;
+    if median > MISREAD {
+        return Err(unsupported("scans in a rare order, such as one for each colour"));
+    }
+    Ok(median <= APART)
 }

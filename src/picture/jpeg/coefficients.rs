@@ -63,7 +63,7 @@ pub(in crate::picture) fn coefficients(bytes: &[u8]) -> Option<Coding> {
 
 /// Whether each scan of the JPEG `bytes` decodes to all of its blocks and ends where its data end.
 /// Zeros in place of data decode to another number of blocks.
-pub(super) fn decodes_in_full(bytes: &[u8]) -> bool {
+pub(in crate::picture) fn decodes_in_full(bytes: &[u8]) -> bool {
     read(bytes).is_some_and(|state| state.fills_scans)
 }
 

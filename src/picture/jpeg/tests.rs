@@ -4,6 +4,11 @@ use super::*;
 use crate::frame::block_transform::{cosines, transform, transposed};
 use crate::frame::{BLOCK_AREA, CodedComponent, Plane};
 
+/// The walk, and the decoder's word on zeros.
+fn whole(bytes: &[u8]) -> Result<(), Flaw> {
+    crate::picture::decode::walk(bytes, &Default::default()).map(drop)
+}
+
 const ROCKET: &[u8] = include_bytes!("../../../tests/scenes/rocket.jpg");
 
 #[test]
@@ -21,11 +26,11 @@ fn zeros_in_place_of_data_are_reported_as_a_hole() {
     let half = ROCKET.len() / 2;
     let mut tail = ROCKET.to_vec();
     tail[half..].fill(0);
-    let Err(Flaw::ZeroFilled { from, to, .. }) = walk(&tail) else { panic!("tail") };
+    let Err(Flaw::ZeroFilled { from, to, .. }) = whole(&tail) else { panic!("tail") };
     assert!(from.abs_diff(half) < 8 && to == tail.len());
     let mut middle = ROCKET.to_vec();
     middle[half..half + 4096].fill(0);
-    assert!(matches!(walk(&middle), Err(Flaw::ZeroFilled { .. })));
+    assert!(matches!(whole(&middle), Err(Flaw::ZeroFilled { .. })));
 }
 
 /// A picture of 512×512: white, and blocks of many grey levels below, in codes made for it.
@@ -45,17 +50,43 @@ fn mostly_white(progressive: bool) -> Vec<u8> {
 #[test]
 fn zeros_that_are_picture_are_no_hole() {
     for progressive in [false, true] {
-        let whole = mostly_white(progressive);
-        let run = longest_zero_run(&whole);
+        let white = mostly_white(progressive);
+        let run = longest_zero_run(&white);
         // Progressive codes have half as many.
         let wanted = if progressive { HOLE_BYTES / 2 } else { HOLE_BYTES };
         assert!(run.len() >= wanted, "{run:?}: the picture is coded in zeros");
-        assert!(walk(&whole).is_ok());
+        assert!(whole(&white).is_ok());
         // As many zeros in place of the grey blocks.
-        let mut hole = whole.clone();
+        let mut hole = white.clone();
         hole[run.end + 100..][..600].fill(0);
-        assert!(matches!(walk(&hole), Err(Flaw::ZeroFilled { .. })), "{progressive}");
+        assert!(matches!(whole(&hole), Err(Flaw::ZeroFilled { .. })), "{progressive}");
     }
+}
+
+#[test]
+fn a_picture_too_large_for_that_is_refused_for_its_size() {
+    let mut large = mostly_white(false);
+    let sof = large.windows(2).position(|w| w == [0xff, 0xc0]).unwrap();
+    large[sof + 5..sof + 9].copy_from_slice(&[0xff, 0xdc, 0xff, 0xdc]);
+    let flaw = crate::picture::decode::decode(&large, &Default::default()).unwrap_err();
+    assert!(flaw.to_string().contains("65500×65500"), "{flaw}");
+}
+
+#[test]
+fn a_file_that_the_decoder_misreads_is_refused() {
+    let whole = image::load_from_memory(&files()[1].1).unwrap().into_rgb8();
+    let decoded = |interleaved: bool| {
+        let mut bytes = Vec::new();
+        let mut encoder = jpeg_encoder::Encoder::new(&mut bytes, 90);
+        encoder.set_sampling_factor(jpeg_encoder::SamplingFactor::F_2_2);
+        // Codes made for a picture are written in a scan for each colour.
+        encoder.set_optimized_huffman_tables(!interleaved);
+        encoder.encode(&whole, 75, 50, jpeg_encoder::ColorType::Rgb).unwrap();
+        crate::picture::decode::decode(&bytes, &Default::default())
+    };
+    assert!(decoded(true).unwrap().coding.is_some());
+    let flaw = decoded(false).unwrap_err().to_string();
+    assert!(flaw.contains("one for each colour") && flaw.contains("save it so"), "{flaw}");
 }
 
 #[test]

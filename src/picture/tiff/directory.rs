@@ -1,6 +1,6 @@
 //! One directory of a TIFF file.
 
-use super::File;
+use super::{BITS_PER_SAMPLE, File, SAMPLE_FORMAT, SAMPLES_PER_PIXEL};
 use crate::picture::Flaw;
 
 /// Most letters of a text that are read. Guess: enough for a name.
@@ -89,4 +89,18 @@ impl<'a> Directory<'a> {
         };
         (0..count).map(fraction).collect::<Result<Vec<_>, Flaw>>().map(Some)
     }
+}
+
+/// The samples of the first picture in words, for a decoder that does not read them.
+pub(in crate::picture) fn samples_of(bytes: &[u8]) -> Option<String> {
+    let file = File::new(bytes);
+    let directory = Directory::read(&file, file.u32(4).ok()? as usize).ok()?;
+    let number = |tag| directory.number(tag).ok().flatten().unwrap_or(1);
+    let kind = match number(SAMPLE_FORMAT) {
+        2 => "signed numbers",
+        3 => "numbers with fractions",
+        _ => "numbers",
+    };
+    let (count, bits) = (number(SAMPLES_PER_PIXEL), number(BITS_PER_SAMPLE));
+    Some(format!("{count} {kind} of {bits} bits a pixel"))
 }
