@@ -20,10 +20,10 @@ pub struct Evidence {
 
 impl Evidence {
     /// Difference of the result's light from the photo's, as a share of it, all channels together:
-    /// a lens spreads light and makes none.
+    /// a lens spreads light and makes none. Of less than a grey level there is no share.
     pub fn excess_light(&self) -> f32 {
         let sum = |of: fn(&Residuals) -> f32| self.channels.iter().map(of).sum::<f32>();
-        (sum(|of| of.excess_light) / sum(|of| of.light).max(f32::MIN_POSITIVE)).abs()
+        (sum(|of| of.excess_light) / sum(|of| of.light).max(1.0)).abs()
     }
 
     /// Luma's model residual over the untouched photo's; `None` where the result took grain out of
@@ -119,6 +119,22 @@ mod tests {
         let none = Grain::default();
         assert_eq!(residual(grain, none), residual(none, grain));
         residual(grain, none)
+    }
+
+    #[test]
+    fn the_light_of_a_black_photo_has_no_share() {
+        let dark = Residuals {
+            model: 0.1,
+            untouched: 0.1,
+            photo_noise: 0.3,
+            model_error: 0.1,
+            light: 0.0,
+            excess_light: 0.02,
+            contrast: 0.0,
+        };
+        let (none, fine_colour) = (Grain::default(), FineColour::default());
+        let of = Evidence { channels: vec![dark], grain: none, cleared: none, fine_colour };
+        assert!(f64::from(of.excess_light()) <= EXCESS_LIGHT, "{}", of.excess_light());
     }
 
     #[test]
