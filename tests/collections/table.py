@@ -32,6 +32,10 @@ for path in (box / "failed").glob("*.txt"):
 for path in (box / "inbox").rglob("*"):
     if path.is_file():
         counts[kind(path.name)]["stays"] += 1
+# Files that stay without a line here are no photos.
+for line in (box / "log").read_text(errors="replace").splitlines():
+    if waits := re.match("warning: kept in the inbox: (.*?): (.*)", line):
+        sentences[re.sub(r"\d+", "#", waits[2])].append(waits[1])
 
 print("kind", *outcomes, sep="\t")
 for ending, found in sorted(counts.items(), key=lambda row: -sum(row[1].values())):
