@@ -262,7 +262,6 @@ impl Pipeline {
             observation,
             focus: None,
             lens: None,
-            lateral_colour_px: OnceLock::new(),
             is_of_sharper_lens: false,
             outliers: None,
             notes: Vec::new(),

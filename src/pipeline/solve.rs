@@ -8,7 +8,7 @@ use crate::deconvolution::focus::OpticsAtFocus;
 use crate::deconvolution::forward_convolution::ForwardConvolution;
 use crate::deconvolution::lateral_colour::lateral_colour_px;
 use crate::deconvolution::method::{About, Method, MethodError, Problem, Solution, Watch};
-use crate::frame::{Channels, Frame, Work, once};
+use crate::frame::{Channels, Frame, Work};
 use crate::rig::exposure::Devices;
 
 impl Pipeline {
@@ -90,11 +90,9 @@ impl Pipeline {
         let line_up = |corner_px| self.photo_side.line_up_colours(&solution.picture, corner_px);
         let mut picture = match photo.observation.channels {
             Channels::Colour => {
-                let corner_px = *once(&photo.lateral_colour_px, || {
-                    let functions = self.lens_of(photo).model.functions();
-                    lateral_colour_px(&line_up([0.0; 2]), &photo.observation, functions)
-                });
-                line_up(corner_px).crop(rect)
+                let functions = self.lens_of(photo).model.functions();
+                let lined_up = line_up([0.0; 2]);
+                line_up(lateral_colour_px(&lined_up, &photo.observation, functions)).crop(rect)
             }
             Channels::Green => solution.picture.crop(rect),
         };

@@ -34,8 +34,6 @@ pub struct Prepared<'a> {
     pub(super) lens_alone: OnceLock<LensAlone>,
     /// RMS of K̂B − B by the measured lens, likewise.
     pub(super) untouched: OnceLock<[f32; 3]>,
-    /// Displacements of red and blue against green in its first solution, likewise.
-    pub(super) lateral_colour_px: OnceLock<[f32; 2]>,
 }
 
 /// A lens model with bounds on its norms.
@@ -93,7 +91,7 @@ impl Prepared<'_> {
 
     /// The photo as if taken at the panel's focus.
     pub(super) fn at_panel(&self) -> Self {
-        Prepared { focus: None, lens: None, lateral_colour_px: OnceLock::new(), ..self.unjudged() }
+        Prepared { focus: None, lens: None, ..self.unjudged() }
     }
 }
 
