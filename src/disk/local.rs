@@ -222,8 +222,8 @@ impl Disk for LocalDisk {
 
     fn make_folder(&self, folder: &Path) -> io::Result<()> {
         // What is above an anchor may lie beneath none.
-        if self.anchors.iter().any(|anchor| anchor.path == folder) {
-            return self.folder(folder).map(drop);
+        if self.anchors.iter().any(|anchor| anchor.path == folder) && self.folder(folder).is_ok() {
+            return Ok(());
         }
         let (above, name) = self.parent_and_name(folder)?;
         match mkdirat(&above, name, Mode::from_raw_mode(0o777)) {
