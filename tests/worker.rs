@@ -187,7 +187,7 @@ fn a_file_can_kill_its_worker_and_no_more() {
     let folders = Folders::open(&root).unwrap();
     let mut daemon =
         Daemon::open(folders, setting, &mut restorer, &Still, &calendar, &mut watcher).unwrap();
-    let summary = daemon.once().unwrap();
+    let summary = daemon.once(&|| false).unwrap();
     drop(daemon);
     assert_eq!((summary.untouched.len(), summary.failed.len()), (1, 1), "{summary:?}");
     let reason = &summary.failed[0].reason;

@@ -53,7 +53,8 @@ impl AlignmentReport {
         let mean = reading.sharpness.mean();
         self.readings += 1;
         self.sharpness = reading.sharpness;
-        self.best = self.best.or_better(&reading.sharpness);
+        let better = |n: usize| self.best.0[n].max(reading.sharpness.0[n]);
+        self.best = Sharpness(std::array::from_fn(better));
         self.best_mean = self.best_mean.max(mean);
         self.focus = self.history.add(mean);
         if self.light.len() == KEPT {
@@ -73,16 +74,12 @@ impl AlignmentReport {
             (now.magnification / before.magnification - 1.0).abs() > MOVED_SHARE
         };
         if self.aim.flatten().zip(aim).is_some_and(moved) {
-            self.forget_focus();
+            // Focus figures are no longer comparable.
+            self.history = FocusHistory::default();
+            (self.best, self.best_mean) = (Sharpness([0.0; PLACES]), 0.0);
+            self.light.clear();
         }
         self.aim = Some(aim);
-    }
-
-    /// Drops focus figures that are no longer comparable.
-    fn forget_focus(&mut self) {
-        self.history = FocusHistory::default();
-        (self.best, self.best_mean) = (Sharpness([0.0; PLACES]), 0.0);
-        self.light.clear();
     }
 
     /// Advice, most urgent first, ending with the focus ring.

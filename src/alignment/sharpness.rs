@@ -28,12 +28,6 @@ impl Sharpness {
         self.0.iter().sum::<f64>() / PLACES as f64
     }
 
-    /// The larger value at each place.
-    #[must_use]
-    pub fn or_better(&self, other: &Sharpness) -> Sharpness {
-        Sharpness(std::array::from_fn(|n| self.0[n].max(other.0[n])))
-    }
-
     /// The sharpness of two exposures of one pattern, and the mean counts of the second over
     /// `black`.
     pub fn of(first: &Counts, second: &Counts, sites: GreenSites, black: f64) -> (Sharpness, f64) {
@@ -41,21 +35,20 @@ impl Sharpness {
         let size = first.size();
         // The next green site is to the right, or diagonal behind filters.
         let down = usize::from(sites.are_filtered());
-        let (mut sums, mut all) = ([PairSums::default(); PLACES], (0i64, 0i64));
+        let mut sums = [PairSums::default(); PLACES];
         for y in sites.rows(size).filter(|y| y + down < size.height) {
             let here = (first.row(y), second.row(y));
             let next = (first.row(y + down), second.row(y + down));
             for part in 0..3 {
-                let mut row = PairSums::default();
+                let sums = &mut sums[place_of(part * size.width / 3 + 1, y, size)];
                 for x in sites.part_of_row(y, part, size).filter(|x| x + 1 < size.width) {
-                    row.add((here.0[x], next.0[x + 1]), (here.1[x], next.1[x + 1]));
+                    sums.add((here.0[x], next.0[x + 1]), (here.1[x], next.1[x + 1]));
                 }
-                sums[place_of(part * size.width / 3 + 1, y, size)].add_all(&row);
-                all = (all.0 + row.second, all.1 + row.count);
             }
         }
-        let sharpness = Sharpness(sums.map(|sums| sums.contrast(black)));
-        (sharpness, all.0 as f64 / all.1.max(1) as f64 - black)
+        let total = |of: fn(&PairSums) -> i64| sums.iter().map(of).sum::<i64>() as f64;
+        let mean = total(|sums| sums.second) / total(|sums| sums.count).max(1.0);
+        (Sharpness(sums.map(|sums| sums.contrast(black))), mean - black)
     }
 }
 
@@ -77,14 +70,6 @@ impl PairSums {
         self.second += b;
         self.product += a * b;
         self.differences += (a - a_next) * (b - b_next);
-    }
-
-    fn add_all(&mut self, other: &PairSums) {
-        self.count += other.count;
-        self.first += other.first;
-        self.second += other.second;
-        self.product += other.product;
-        self.differences += other.differences;
     }
 
     fn contrast(&self, black: f64) -> f64 {

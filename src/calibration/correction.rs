@@ -16,7 +16,7 @@ use super::dither::Diffusion;
 use super::surface::{Domain, Surface};
 use super::{Calibration, CameraCurve, Geometry, SiteGains};
 use crate::config::{self, Subpixels};
-use crate::frame::resample::{Outside, warp};
+use crate::frame::resample::warp;
 use crate::frame::{Channel, Codes, Counts, Frame, Mosaic, Plane, Rect, Size, Work, once};
 use crate::remedy::{Remediable, Remedy};
 
@@ -260,7 +260,7 @@ impl Correction {
         map_x.data_mut().iter_mut().for_each(|v| *v = (*v + offset).max(least).min(x_max));
         map_y.data_mut().iter_mut().for_each(|v| *v = (*v + offset).max(least).min(y_max));
         let mut light = Plane::zeros(part.size);
-        warp(padded, &map_x, &map_y, Outside::Edge, &mut light);
+        warp(padded, &map_x, &map_y, &mut light);
         light
     }
 

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use super::correction::Layout;
 use super::surface::Surface;
 use super::{Calibration, CameraCurve};
-use crate::frame::resample::{Outside, warp};
+use crate::frame::resample::warp;
 use crate::frame::{Channel, FULL_SCALE, Frame, Plane, Size, Work};
 
 /// Least dark-corner share divided by; darker parts stay dark.
@@ -164,7 +164,7 @@ impl Fringe {
                     *v += enlarged * (x as f32 - middle_x);
                 }
             }
-            warp(plane, &map_x, &map_y, Outside::Edge, &mut out);
+            warp(plane, &map_x, &map_y, &mut out);
             rows.copy_from_slice(out.data());
         });
     }

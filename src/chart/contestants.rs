@@ -2,11 +2,11 @@
 //! usual methods with the measured lens.
 
 use crate::config::{MethodName, RigFile};
+use crate::deconvolution::method::Method;
 use crate::deconvolution::method::paper::Paper;
 use crate::deconvolution::method::richardson_lucy::RichardsonLucy;
 use crate::deconvolution::method::total_variation::TotalVariation;
 use crate::deconvolution::method::wiener::Wiener;
-use crate::deconvolution::method::{Method, Strength};
 use crate::pipeline::{Setting, counted, paper};
 
 /// A method with one setting.
@@ -118,9 +118,8 @@ fn usual() -> Vec<Contestant> {
         let setting = format!("{steps} steps");
         all.push(Contestant::new("richardson-lucy", "", &setting, RichardsonLucy { steps }));
     }
-    for at_one_grey_level in [0.15, 0.3, 0.6] {
-        let setting = format!("strength {at_one_grey_level}");
-        let strength = Strength { at_one_grey_level };
+    for strength in [0.15, 0.3, 0.6] {
+        let setting = format!("strength {strength}");
         let method = TotalVariation { steps: 40, strength };
         all.push(Contestant::new("total-variation", "", &setting, method));
     }

@@ -71,8 +71,8 @@ fn run(rig: &RigFile, folder: &Path, front: &FrontPanel, ended: &dyn Fn() -> boo
 /// Runs with those of button and lamps that the board has and that can be opened.
 #[cfg(feature = "hardware")]
 fn run_on_board(parts: &relens::config::Hardware, front: &FrontPanel, ended: &dyn Fn() -> bool) {
-    use relens::kiosk::attend::{ButtonLevel, LampRow};
     use relens::rig::hardware::{open_button, open_lamps};
+    use relens::rig::{ButtonLevel, LampRow};
 
     let warn = |error| log::warn!("{}", relens::remedy::full_message(&error));
     let mut lamps: Box<dyn LampRow> = match open_lamps(&parts.lamps).map_err(warn) {

@@ -76,7 +76,9 @@ pub(crate) fn run(words: Vec<OsString>) -> ExitCode {
     match done {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            print_error(&relens::remedy::full_message(&error));
+            // Without standard error, the exit code still reports it.
+            let message = relens::remedy::full_message(&error);
+            let _ = writeln!(std::io::stderr(), "relens: {message}");
             ExitCode::from(error.exit_code())
         }
     }
@@ -113,9 +115,4 @@ fn dispatch(line: &CommandLine) -> Result<(), CliError> {
             Ok(())
         }
     }
-}
-
-fn print_error(message: &str) {
-    // Without standard error, the exit code still reports it.
-    let _ = writeln!(std::io::stderr(), "relens: {message}");
 }

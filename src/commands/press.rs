@@ -5,9 +5,8 @@ use std::time::Duration;
 
 use clap::Args;
 use relens::daemon::{Folders, State};
-use relens::kiosk::attend::ButtonLevel;
 use relens::rig::monotonic::Monotonic;
-use relens::rig::{Clock, Moment, RigError};
+use relens::rig::{ButtonLevel, Clock, Moment, RigError};
 
 use super::error::CliError;
 use super::options::FolderOption;

@@ -236,7 +236,7 @@ pub(super) fn empty_inbox(
     let mut watcher = PhotoProgress::default();
     let mut daemon =
         Daemon::open(folders, setting(rig), restorer, &Monotonic, &SystemTime::now, &mut watcher)?;
-    Ok(daemon.once_until(stop)?)
+    Ok(daemon.once(stop)?)
 }
 
 fn setting(rig: &RigFile) -> DaemonSetting {

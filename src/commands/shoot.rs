@@ -7,9 +7,7 @@ use clap::builder::TypedValueParser;
 use clap::{Args, ValueHint, value_parser};
 use relens::calibration::store;
 use relens::config::{self, RigFile};
-use relens::frame::{Channel, Frame, Mosaic, Plane};
-use relens::pipeline::site_noise_of;
-use relens::restorer::on_rig::gains_of;
+use relens::frame::{Frame, Mosaic, Plane};
 use relens::restorer::photo_file::{PROPOSED, SensorFacts, developed, raw_file};
 use relens::rig;
 use relens::rig::exposure::Devices;
@@ -167,13 +165,13 @@ struct Rigged {
 }
 
 fn open_before_scene(file: &RigFile, options: &ShootOptions) -> Result<Rigged, CliError> {
-    let range = |black| CountRange { black, max: file.camera.count_max() };
     match (file.simulation(), &options.scene) {
         (Some(_), Some(scene)) => {
             let scene = scene::read(file, scene)?;
             let (devices, witness) = simulated::open(file).map_err(CliError::of)?;
             witness.put_before_lens(Some(&scene));
-            let (range, noise) = (range(witness.black_level_counts()), Some(witness.site_noise()));
+            let (black, max) = (witness.black_level_counts(), file.camera.count_max());
+            let (range, noise) = (CountRange { black, max }, Some(witness.site_noise()));
             let sensor = SensorFacts { range, gains: None, noise };
             Ok(Rigged { devices, witness: Some(witness), sensor })
         }
@@ -184,11 +182,7 @@ fn open_before_scene(file: &RigFile, options: &ShootOptions) -> Result<Rigged, C
             let kept = opening::calibration_folder(&options.folder.folder);
             let calibration = store::load(&kept, file.identity).map_err(CliError::of)?;
             let devices = rig::open_without_marks(file).map_err(CliError::of)?;
-            let sensor = SensorFacts {
-                range: range(calibration.black_level(Channel::Green)),
-                gains: gains_of(file, &calibration),
-                noise: Some(site_noise_of(&calibration)),
-            };
+            let sensor = SensorFacts::of(file, &calibration);
             Ok(Rigged { devices, witness: None, sensor })
         }
     }
@@ -225,7 +219,7 @@ fn set_gain(rigged: &mut Rigged, times: f64) -> Result<f64, CliError> {
     if times == 1.0 {
         return Ok(times);
     }
-    let set = rigged.devices.amplify_times(times).map_err(CliError::of)?;
+    let set = rigged.devices.camera.amplify_times(times).map_err(CliError::of)?;
     let times = set.ok_or(CliError::FixedGain)?;
     rigged.sensor.noise = rigged.sensor.noise.map(|noise| noise.amplified(times));
     // The first frame after a change may have the old gain.

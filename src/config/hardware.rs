@@ -175,7 +175,11 @@ pub enum FeatureValue {
 
 impl GenicamDevice {
     /// Checks the rules across keys.
-    fn check(&self, places: &Places, trigger: &TriggerDevice) -> Result<(), ConfigError> {
+    pub(super) fn check(
+        &self,
+        places: &Places,
+        trigger: &TriggerDevice,
+    ) -> Result<(), ConfigError> {
         let named = [&self.vendor, &self.model, &self.serial].into_iter().flatten().count();
         places.hold(
             named > 0,
@@ -194,14 +198,6 @@ impl GenicamDevice {
 }
 
 impl Hardware {
-    /// Checks the rules across keys of the camera.
-    pub(super) fn check_camera(&self, places: &Places) -> Result<(), ConfigError> {
-        match &self.camera {
-            CameraDevice::V4l2(device) => device.check(places),
-            CameraDevice::Genicam(device) => device.check(places, &self.trigger),
-        }
-    }
-
     /// Width of a trigger pulse: the exposure where the pulse sets that, else 1 ms, which is long
     /// beside the 20 µs of an opto-coupler.
     pub fn pulse_us(&self, exposure_ms: f64) -> u32 {
@@ -214,7 +210,7 @@ impl Hardware {
 
 impl V4l2Device {
     /// Checks the rules across keys.
-    fn check(&self, places: &Places) -> Result<(), ConfigError> {
+    pub(super) fn check(&self, places: &Places) -> Result<(), ConfigError> {
         let one_of = |found| Err(places.broken("hardware.camera", found, "one of them"));
         match (&self.device, &self.card, &self.media) {
             (Some(path), None, None) => {

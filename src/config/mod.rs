@@ -11,7 +11,6 @@ mod hardware;
 mod keys;
 mod media;
 mod method_name;
-pub mod methods;
 mod parts;
 mod places;
 mod rig;
@@ -29,8 +28,8 @@ pub use hardware::{
 pub use media::{MediaGraph, MediaLink, PadFormat, bus_format, bus_format_name, entity_and_pad};
 pub use method_name::MethodName;
 pub use parts::{
-    Alignment, CalibrationTable, CameraTable, CanvasTable, ColourChoice, Curve, Marks,
-    OperatingPoint, PanelTable, PaperTable, PhotoTable, RawResults, Restore, Subpixels,
+    Alignment, CalibrationTable, CameraTable, CanvasTable, Curve, Marks, OperatingPoint,
+    PanelTable, PaperTable, PhotoTable, RawResults, Restore, Subpixels,
 };
 pub use rig::{Kind, RigFile};
 pub use simulation::{

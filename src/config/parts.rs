@@ -119,8 +119,6 @@ table! {
         exposure_ms: f64, Number(0.001, 60_000.0), Never;
         /// Latest arrival of a frame after its trigger; longer than the exposure.
         deadline_ms: f64, Number(1.0, 600_000.0), Says("ten exposures");
-        /// Exposures of one picture before the rig gives up. Guess.
-        exposures_max: u32, Fixed, Means("3");
         /// Focus ring and aperture in the owner's words, such as `2.5 m, f/4`. They are written
         /// into photos taken by the rig; photos with other words are refused. Other words need a
         /// calibration of their own.
@@ -209,18 +207,6 @@ table! {
     pub struct Restore {
         /// Default method.
         method: MethodName, Word(MethodName::WORDS), Means("\"hybrid\"");
-        /// Momentum steps of a solve, which starts from the Wiener estimate: more gain nothing.
-        steps: usize, Fixed, Means("16");
-        /// Shrinkage threshold in grey levels per grey level of noise, chosen on the study's
-        /// scenes.
-        shrinkage_at_one_grey_level: f32, Fixed, Means("0.09");
-        /// Wavelet levels: the coarsest details are wider than any blur in question.
-        levels: usize, Fixed, Means("4");
-        /// Whether shrinkage is averaged over shifts (cycle spinning), which gains more than any
-        /// change of the iteration.
-        cycle_spun: bool, Fixed, Means("true");
-        /// Coupling of the colours in the prior.
-        colours: ColourChoice, Fixed, Means("\"along-axes\"");
         /// Limit of defect corrections per photo. The first one reuses the capture of the
         /// certificate.
         corrections_max: usize, Whole(0, 100), Means("3");
@@ -247,19 +233,6 @@ words! {
         Balanced = "balanced",
         /// The highest gain, with block matching, at any cost.
         Best = "best",
-    }
-}
-
-words! {
-    /// Coupling of the colours in the prior.
-    pub enum ColourChoice {
-        /// Start and prior work along the axes of the photo's colours in three quarters of the
-        /// steps, in all of them for raw sites; a JPEG as `together`.
-        AlongAxes = "along-axes",
-        /// The prior sees brightness and colour differences.
-        Together = "together",
-        /// Each channel for itself.
-        Apart = "apart",
     }
 }
 

@@ -2,12 +2,10 @@
 
 use super::appliance::{DiskTable, Nights, RunTable};
 use super::hardware::Hardware;
-use super::methods::Numbers;
 use super::parts::{
     CalibrationTable, CameraTable, CanvasTable, Marks, PanelTable, PaperTable, PhotoTable, Restore,
 };
 use super::simulation::Simulation;
-use crate::deconvolution::method::hybrid;
 use crate::frame::{Mosaic, PhotoGrid, Rect, Size};
 
 /// A validated rig file.
@@ -114,19 +112,6 @@ impl RigFile {
     /// Place of the photo on the canvas.
     pub fn photo_on_canvas(&self) -> Rect {
         Rect { x: self.canvas.margin_px, y: self.canvas.margin_px, size: self.photo.size() }
-    }
-
-    /// Parameters of the methods.
-    pub fn numbers(&self) -> Numbers<'_> {
-        let RigFile { restore, paper, .. } = self;
-        Numbers {
-            restore,
-            paper,
-            steps: restore.steps as u32,
-            correction_steps: hybrid::CORRECTION_STEPS,
-            captures_max: 1 + restore.corrections_max as u32,
-            rounds: restore.block_rounds as u32,
-        }
     }
 
     /// Serial number of the camera, as far as the file names it.

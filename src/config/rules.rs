@@ -184,7 +184,10 @@ fn check_hardware(
         format_args!("{} ms, which is {refreshes:.3} refreshes", camera.exposure_ms),
         "a whole number of refreshes, or the backlight's flicker shows",
     )?;
-    hardware.check_camera(places)?;
+    match &hardware.camera {
+        CameraDevice::V4l2(device) => device.check(places)?,
+        CameraDevice::Genicam(device) => device.check(places, &hardware.trigger)?,
+    }
     let pulsed = hardware.camera.exposure_by() == ExposureBy::Pulse;
     places.hold(
         !pulsed || !matches!(hardware.trigger, TriggerDevice::FreeRunning(_)),

@@ -43,7 +43,7 @@ fn an_exposure_that_is_no_whole_number_of_refreshes_gives_a_warning() {
 
 #[test]
 fn rounds_of_block_matching_are_read_from_the_file() {
-    let rounds = |rig: Result<RigFile, ConfigError>| rig.expect("it is valid").numbers().rounds;
+    let rounds = |rig: Result<RigFile, ConfigError>| rig.expect("it is valid").restore.block_rounds;
     assert_eq!(rounds(changed("[restore]", "[restore]")), 1);
     assert_eq!(rounds(changed("[restore]", "[restore]\nblock-rounds = 8")), 8);
 }

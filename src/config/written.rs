@@ -198,7 +198,8 @@ pub(super) fn read(text: &str, file: &str) -> Result<(RigTables, Places), Config
 /// Fills in the values that follow from other keys.
 fn derive(whole: &mut toml::Table) {
     derive_geometry(whole);
-    let exposure_ms = number_of(whole, "camera", "exposure-ms");
+    let exposure = whole.get("camera").and_then(|camera| camera.get("exposure-ms"));
+    let exposure_ms = exposure.and_then(number).unwrap_or_default();
     set_if_missing(whole, "camera", "deadline-ms", (DEADLINE_EXPOSURES * exposure_ms).into());
     let binning = whole_of(whole, "camera", "binning").max(1);
     let patch_px = whole_of(whole, "photo", "width-px") / binning * PATCH_PX / PATCH_PHOTO_PX;
@@ -230,11 +231,6 @@ fn derive_geometry(whole: &mut toml::Table) {
 fn whole_of(whole: &toml::Table, table: &str, key: &str) -> i64 {
     let value = whole.get(table).and_then(|table| table.get(key));
     value.and_then(Value::as_integer).unwrap_or_default()
-}
-
-fn number_of(whole: &toml::Table, table: &str, key: &str) -> f64 {
-    let value = whole.get(table).and_then(|table| table.get(key));
-    value.and_then(number).unwrap_or_default()
 }
 
 /// Sets `key` of `table`, where there is such a table without it.

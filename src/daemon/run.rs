@@ -98,20 +98,13 @@ impl<'a> Daemon<'a> {
         self
     }
 
-    /// Empties the inbox once. Files need not be quiet; recently changed incomplete ones stay, as
-    /// do those for which the schedule holds.
+    /// Empties the inbox once, or until `stop` returns true, which is asked between photos. Files
+    /// need not be quiet; recently changed incomplete ones stay, as do those for which the schedule
+    /// holds.
     ///
     /// # Errors
     /// When the folders or the rig need help; photos not begun stay in the inbox.
-    pub fn once(&mut self) -> Result<Summary, DaemonError> {
-        self.once_until(&|| false)
-    }
-
-    /// As [`Daemon::once`], until `stop` returns true, which is asked between photos.
-    ///
-    /// # Errors
-    /// As [`Daemon::once`].
-    pub fn once_until(&mut self, stop: &dyn Fn() -> bool) -> Result<Summary, DaemonError> {
+    pub fn once(&mut self, stop: &dyn Fn() -> bool) -> Result<Summary, DaemonError> {
         let patience = Patience {
             quiet_s: 0.0,
             mention_s: 0.0,
@@ -218,7 +211,7 @@ impl<'a> Daemon<'a> {
                 turn => break turn,
             }
         };
-        if pass.number > 0 || self.reporter.is_stale() {
+        if pass.number > 0 || self.reporter.stale {
             self.show_gallery()?;
         }
         if pass.number > 0 {

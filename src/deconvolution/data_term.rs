@@ -15,28 +15,17 @@ pub const SATURATED: u8 = 2;
 /// Least noise σ of any photo or capture, grey levels: rounding to 8 bits, 1/√12.
 pub const NOISE_MIN: f32 = 0.29;
 
-/// Scales `residual` by `weight`: sites of a mosaic stand for several pixels.
-pub fn scale(residual: &mut Plane, weight: f32) {
-    if weight != 1.0 {
-        residual.scale(weight);
-    }
-}
-
 /// Replaces the prediction K L by the residual K L − B: zero where data are missing, and where a
 /// saturated pixel is predicted at least as bright as its bound.
 pub fn residual_in_place(predicted: &mut Plane, photo: &Plane, trust: &Plane<u8>) {
-    let stretches = (predicted.data_mut().par_chunks_mut(STRETCH))
-        .zip(photo.data().par_chunks(STRETCH))
-        .zip(trust.data().par_chunks(STRETCH));
-    stretches.for_each(|((predicted, photo), trust)| {
-        for ((p, &b), &t) in predicted.iter_mut().zip(photo).zip(trust) {
-            let difference = *p - b;
-            *p = match t {
-                TRUSTED => difference,
-                SATURATED => difference.min(0.0),
-                _ => 0.0,
-            };
-        }
+    let pixels = (predicted.data_mut(), photo.data(), trust.data()).into_par_iter();
+    pixels.with_min_len(STRETCH).for_each(|(p, b, &t)| {
+        let difference = *p - b;
+        *p = match t {
+            TRUSTED => difference,
+            SATURATED => difference.min(0.0),
+            _ => 0.0,
+        };
     });
 }
 
@@ -101,25 +90,8 @@ pub fn noise_of(photo: &Plane) -> f32 {
         }
     }
     // The mask's weights have norm √36 = 6; 0.6745 is the median of |N(0,1)|.
-    median_of_positive(&differences) / (6.0 * 0.674_5)
-}
-
-/// The upper median of non-negative numbers. Their order is that of their bits: the upper half of
-/// the median's bits is found by counting, and only numbers that share it are compared.
-fn median_of_positive(values: &[f32]) -> f32 {
-    let mut counts = vec![0usize; 1 << 16];
-    values.iter().for_each(|value| counts[(value.to_bits() >> 16) as usize] += 1);
-    let mut before = 0;
-    let middle = values.len() / 2;
-    let upper = counts.iter().position(|&count| {
-        before += count;
-        before > middle
-    });
-    let Some(upper) = upper else { return 0.0 };
-    let nth = middle + counts[upper] - before;
-    let alike = values.iter().filter(|value| (value.to_bits() >> 16) as usize == upper);
-    let mut alike: Vec<f32> = alike.copied().collect();
-    *alike.select_nth_unstable_by(nth, f32::total_cmp).1
+    let middle = differences.len() / 2;
+    *differences.select_nth_unstable_by(middle, f32::total_cmp).1 / (6.0 * 0.674_5)
 }
 
 #[cfg(test)]
@@ -148,20 +120,6 @@ mod tests {
             100.0 + 40.0 * ((x as f32) / 23.0).sin() + 0.2 * y as f32 + 1.7 * noise
         });
         assert!((noise_of(&noisy) - 1.7).abs() < 0.08, "{}", noise_of(&noisy));
-    }
-
-    #[test]
-    fn the_median_by_counting_is_the_median_by_sorting() {
-        let mut random = rand_xoshiro::Xoshiro256PlusPlus::seed_from_u64(9);
-        for count in [1, 2, 3, 10, 1001, 4096] {
-            let number = |_| -> f32 { f32::abs(StandardNormal.sample(&mut random)) };
-            let mut values: Vec<f32> =
-                (0..count).map(number).map(|v| (8.0 * v).floor() / 8.0 + v / 1e3).collect();
-            let found = median_of_positive(&values);
-            values.sort_by(f32::total_cmp);
-            assert_eq!(found, values[count / 2], "{count}");
-        }
-        assert_eq!(median_of_positive(&[0.0; 7]), 0.0);
     }
 
     #[test]

@@ -56,7 +56,7 @@ fn moved_outward(plane: &Plane) -> Plane {
 mod tests {
     use super::*;
     use crate::deconvolution::example_lens::{gaussians, lens, photo};
-    use crate::frame::resample::{Outside, warp};
+    use crate::frame::resample::warp;
 
     /// `plane` enlarged by `corner_px` at its corner.
     fn enlarged(plane: &Plane, corner_px: f32) -> Plane {
@@ -67,7 +67,7 @@ mod tests {
         let map_x = Plane::from_fn(size, |at, _| from(at, x));
         let map_y = Plane::from_fn(size, |_, at| from(at, y));
         let mut out = Plane::zeros(size);
-        warp(plane, &map_x, &map_y, Outside::Edge, &mut out);
+        warp(plane, &map_x, &map_y, &mut out);
         out
     }
 

@@ -17,10 +17,10 @@ pub mod blocking;
 pub mod colour_axis;
 pub mod colour_focus;
 mod colour_lines;
-pub mod computed_optics;
 pub mod data_term;
 pub mod detail_mask;
 #[cfg(test)]
+#[path = "tests/example_lens.rs"]
 mod example_lens;
 pub mod focus;
 pub mod forward_convolution;

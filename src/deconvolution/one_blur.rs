@@ -111,7 +111,7 @@ fn blurred_as_blue(model: &LensModel, green: &Plane) -> Plane {
     let inverse = model.local_inverse(Channel::Green, EPSILON, Density::Full);
     let mut sharp = Plane::zeros(green.size());
     model.invert(&inverse, &residual, &mut sharp);
-    sharp.data_mut().iter_mut().zip(green.data()).for_each(|(v, g)| *v += g);
+    sharp.add_scaled(1.0, green);
     let mut as_blue = through(Channel::Blue, &sharp);
     let own = through(Channel::Green, &sharp);
     let changes = green.data().iter().zip(own.data());
@@ -140,7 +140,7 @@ fn details_of(plane: &Plane, width_px: f32) -> Plane {
 fn along_line(of: &Plane, on: &Plane, reach: f32, noise: f32) -> Plane {
     let local = |a: &Plane, b: &Plane| {
         let mut product = a.clone();
-        product.data_mut().iter_mut().zip(b.data()).for_each(|(v, b)| *v *= b);
+        product.multiply(b);
         blur(&product, reach)
     };
     let (mean_of, mean_on) = (blur(of, reach), blur(on, reach));

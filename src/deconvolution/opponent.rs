@@ -32,14 +32,8 @@ fn weights() -> [f32; 3] {
 fn map_pixels(planes: &mut [Plane; 3], to: impl Fn([f32; 3]) -> [f32; 3] + Sync) {
     assert!(planes.iter().all(|p| p.size() == planes[0].size()), "planes of one size");
     let [a, b, c] = planes;
-    let a = a.data_mut().par_chunks_mut(STRETCH);
-    let stretches =
-        a.zip(b.data_mut().par_chunks_mut(STRETCH)).zip(c.data_mut().par_chunks_mut(STRETCH));
-    stretches.for_each(|((a, b), c)| {
-        for ((a, b), c) in a.iter_mut().zip(b).zip(c) {
-            [*a, *b, *c] = to([*a, *b, *c]);
-        }
-    });
+    let pixels = (a.data_mut(), b.data_mut(), c.data_mut()).into_par_iter();
+    pixels.with_min_len(STRETCH).for_each(|(a, b, c)| [*a, *b, *c] = to([*a, *b, *c]));
 }
 
 #[cfg(test)]

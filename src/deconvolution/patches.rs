@@ -57,9 +57,9 @@ impl PatchGrid {
     }
 
     /// Steps 1 and 2: the picture of one parity class, each patch flipped about its centre,
-    /// `around` elsewhere.
-    pub fn flipped_class(&self, picture: &Plane, parity: usize, around: f32) -> Plane {
-        let mut shown = Plane::filled(self.canvas, around);
+    /// black elsewhere.
+    pub fn flipped_class(&self, picture: &Plane, parity: usize) -> Plane {
+        let mut shown = Plane::zeros(self.canvas);
         for patch in self.class(parity) {
             for y in 0..patch.size.height {
                 let from = &picture.row(patch.y + patch.size.height - 1 - y)[patch.x..]
@@ -142,7 +142,7 @@ mod tests {
         let grid = PatchGrid::new(size, whole(size), PatchShape { patch_px: 20, margin_px: 0 });
         let mut sewn = Plane::zeros(size);
         for parity in 0..PARITY_CLASSES {
-            grid.sew_class(&grid.flipped_class(&picture, parity, 0.0), parity, &mut sewn);
+            grid.sew_class(&grid.flipped_class(&picture, parity), parity, &mut sewn);
         }
         assert_eq!(sewn, picture);
     }

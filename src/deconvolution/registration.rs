@@ -18,7 +18,7 @@ use rayon::prelude::*;
 
 use super::data_term::{MISSING, TRUSTED};
 use super::forward_convolution::Seen;
-use crate::frame::resample::{Outside, warp};
+use crate::frame::resample::warp;
 use crate::frame::{Channel, Frame, Plane, Rect, Size, Work};
 
 /// Parts of the photo along its width and height.
@@ -176,7 +176,7 @@ impl Registration {
         if (x, y) != (0.0, 0.0) {
             let map_x = Plane::from_fn(plane.size(), |u, _| (u as f64 - x) as f32);
             let map_y = Plane::from_fn(plane.size(), |_, v| (v as f64 - y) as f32);
-            warp(plane, &map_x, &map_y, Outside::Edge, &mut out);
+            warp(plane, &map_x, &map_y, &mut out);
         }
         out.scale(gain);
         out

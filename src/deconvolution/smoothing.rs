@@ -83,7 +83,7 @@ fn filled(values: &Plane, weights: &Plane) -> Plane {
         return values.clone();
     }
     let mut weighted = values.clone();
-    weighted.data_mut().iter_mut().zip(weights.data()).for_each(|(v, weight)| *v *= weight);
+    weighted.multiply(weights);
     let (mut means, weights_of_four) = (halve(&weighted), halve(weights));
     let pairs = means.data_mut().iter_mut().zip(weights_of_four.data());
     pairs.for_each(|(mean, &weight)| *mean /= if weight > 0.0 { weight } else { 1.0 });

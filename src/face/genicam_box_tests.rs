@@ -139,7 +139,7 @@ fn box_works(rig: &RigFile, mut devices: Devices, witness: &Witness) {
         (|| UNIX_EPOCH + std::time::Duration::from_secs(4_000_000_000), ());
     let mut daemon =
         Daemon::open(folders, setting, &mut restorer, &Monotonic, &calendar, &mut watcher).unwrap();
-    let summary = daemon.once().unwrap();
+    let summary = daemon.once(&|| false).unwrap();
     assert_eq!(summary.restored.len(), 1, "{summary:?}");
     let result = root.path().join("outbox/x.tif");
     let restored = Photo::read(Path::new(&result), Curve::Srgb, &Limits::default()).unwrap();

@@ -98,28 +98,32 @@ impl Mosaic {
     pub fn filled(self, channel: Channel, sites: &Plane) -> Plane {
         let mut plane = Plane::zeros(sites.size());
         let rows = plane.data_mut().par_chunks_mut(sites.width().max(1)).enumerate();
-        rows.for_each(|(y, row)| self.fill_row(channel, sites, y, row));
+        let mean = |near: &[f32]| near.iter().sum::<f32>() / near.len().max(1) as f32;
+        rows.for_each(|(y, row)| self.fill_row(channel, sites, y, row, mean));
         plane
     }
 
-    /// Fills row `y` of one channel of [`Mosaic::interpolated`], by tables.
-    fn fill_row(self, channel: Channel, sites: &Plane, y: usize, row: &mut [f32]) {
-        let (width, height) = (sites.width(), sites.height());
-        if y == 0 || y + 1 >= height || width < 3 {
-            row.iter_mut().enumerate().for_each(|(x, v)| *v = self.fill(channel, sites, x, y));
-            return;
-        }
-        for x in [0, width - 1] {
-            row[x] = self.fill(channel, sites, x, y);
-        }
-        let rows = [sites.row(y - 1), sites.row(y), sites.row(y + 1)];
-        for start in 1..3 {
-            let offsets = self.nearest(channel, start, y);
-            let share = 1.0 / offsets.len() as f32;
-            for x in (start..width - 1).step_by(2) {
-                let sum: f32 = offsets.iter().map(|&(dx, dy)| rows[dy][x + dx - 1]).sum();
-                row[x] = sum * share;
+    /// Fills row `y` of one channel with its own sites and, between them, the `mean` of its sites
+    /// among the eight neighbours: four at most, fewer at the border.
+    pub(crate) fn fill_row<T: Copy + Default>(
+        self,
+        channel: Channel,
+        sites: &Plane<T>,
+        y: usize,
+        row: &mut [T],
+        mean: impl Fn(&[T]) -> T,
+    ) {
+        let offsets = [0, 1].map(|x| self.nearest(channel, x, y));
+        for (x, value) in row.iter_mut().enumerate() {
+            let (mut near, mut count) = ([T::default(); 4], 0);
+            for &(dx, dy) in offsets[x % 2] {
+                let (column, line) = ((x + dx).wrapping_sub(1), (y + dy).wrapping_sub(1));
+                if column < sites.width() && line < sites.height() {
+                    near[count] = sites.at(column, line);
+                    count += 1;
+                }
             }
+            *value = mean(&near[..count]);
         }
     }
 
@@ -138,7 +142,7 @@ impl Mosaic {
     }
 
     /// Nearest sites of `channel` around (`x`, `y`), as offsets 0..3 from the upper left neighbour.
-    pub fn nearest(self, channel: Channel, x: usize, y: usize) -> &'static [(usize, usize)] {
+    fn nearest(self, channel: Channel, x: usize, y: usize) -> &'static [(usize, usize)] {
         const SELF: [(usize, usize); 1] = [(1, 1)];
         const SIDES: [(usize, usize); 2] = [(0, 1), (2, 1)];
         const ENDS: [(usize, usize); 2] = [(1, 0), (1, 2)];
@@ -155,21 +159,6 @@ impl Mosaic {
         } else {
             &CORNERS
         }
-    }
-
-    /// One pixel of [`Mosaic::interpolated`], by its definition.
-    fn fill(self, channel: Channel, sites: &Plane, x: usize, y: usize) -> f32 {
-        if self.colour_at(x, y) == channel {
-            return sites.at(x, y);
-        }
-        let near = |at: usize, end: usize| at.saturating_sub(1)..(at + 2).min(end);
-        let (mut sum, mut count) = (0.0f32, 0.0f32);
-        for v in near(y, sites.height()) {
-            for u in near(x, sites.width()).filter(|&u| self.colour_at(u, v) == channel) {
-                (sum, count) = (sum + sites.at(u, v), count + 1.0);
-            }
-        }
-        sum / count.max(1.0)
     }
 
     /// The mosaic of a camera's raw pixel format by its four-character code, or its name in the
@@ -216,6 +205,21 @@ mod tests {
     use super::*;
     use crate::frame::{Size, Work};
 
+    /// One pixel of [`Mosaic::interpolated`].
+    fn mean_by_definition(mosaic: Mosaic, c: Channel, sites: &Plane, x: usize, y: usize) -> f32 {
+        if mosaic.colour_at(x, y) == c {
+            return sites.at(x, y);
+        }
+        let near = |at: usize, end: usize| at.saturating_sub(1)..(at + 2).min(end);
+        let (mut sum, mut count) = (0.0f32, 0.0f32);
+        for v in near(y, sites.height()) {
+            for u in near(x, sites.width()).filter(|&u| mosaic.colour_at(u, v) == c) {
+                (sum, count) = (sum + sites.at(u, v), count + 1.0);
+            }
+        }
+        sum / count.max(1.0)
+    }
+
     #[test]
     fn fine_interpolation_keeps_waves_of_seven_pixels() {
         let wave = |x: usize, y: usize| (0.9 * (x as f32 + 0.3 * y as f32)).cos();
@@ -236,7 +240,8 @@ mod tests {
             for mosaic in Mosaic::ALL {
                 let all: Frame<Work> = mosaic.interpolated(&sites);
                 for c in Channel::ALL {
-                    let plain = Plane::from_fn(size, |x, y| mosaic.fill(c, &sites, x, y));
+                    let plain =
+                        Plane::from_fn(size, |x, y| mean_by_definition(mosaic, c, &sites, x, y));
                     let off = |(a, b): (&f32, &f32)| (a - b).abs() > 1e-4;
                     assert!(!all.plane(c).data().iter().zip(plain.data()).any(off), "{mosaic:?}");
                 }

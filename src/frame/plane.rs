@@ -169,6 +169,12 @@ impl Plane<f32> {
         self.data.iter_mut().for_each(|value| *value *= factor);
     }
 
+    /// Multiplies by `other` pixel by pixel.
+    pub fn multiply(&mut self, other: &Plane<f32>) {
+        debug_assert_eq!(self.size, other.size);
+        self.data.iter_mut().zip(&other.data).for_each(|(a, b)| *a *= b);
+    }
+
     /// Dot product with `other`, accumulated in `f64`.
     pub fn dot(&self, other: &Plane<f32>) -> f64 {
         debug_assert_eq!(self.size, other.size);

@@ -3,53 +3,13 @@
 use super::front_panel::FrontPanel;
 use super::lamp;
 use super::press::{DEBOUNCE_MS, LONG_PRESS_MS, Presses};
-use crate::rig::{Clock, Lamp, Moment, RigError};
+use crate::rig::{ButtonLevel, Clock, Lamp, LampRow, Moment, RigError};
 
 /// Longest delay from a change of state to the lamps.
 const POLL_S: f64 = 0.05;
 
 /// Shortest interval between two rounds.
 const POLL_MIN_S: f64 = 0.001;
-
-/// The level of a button.
-pub trait ButtonLevel {
-    /// Waits for a change of level, at most until `deadline`, and returns the level. May return
-    /// early.
-    ///
-    /// # Errors
-    /// When the line can no longer be read.
-    fn level_by(&mut self, deadline: Moment) -> Result<bool, RigError>;
-}
-
-/// The lamps of a box.
-pub trait LampRow {
-    /// Lights exactly `lit`.
-    ///
-    /// # Errors
-    /// When a line cannot be set.
-    fn show(&mut self, lit: &[Lamp]) -> Result<(), RigError>;
-}
-
-#[cfg(feature = "hardware")]
-impl ButtonLevel for crate::rig::button::Button {
-    fn level_by(&mut self, deadline: Moment) -> Result<bool, RigError> {
-        crate::rig::button::Button::level_by(self, deadline)
-    }
-}
-
-#[cfg(feature = "hardware")]
-impl LampRow for crate::rig::lamps::Lamps {
-    fn show(&mut self, lit: &[Lamp]) -> Result<(), RigError> {
-        crate::rig::lamps::Lamps::show(self, lit)
-    }
-}
-
-/// A box without lamps.
-impl LampRow for () {
-    fn show(&mut self, _: &[Lamp]) -> Result<(), RigError> {
-        Ok(())
-    }
-}
 
 /// Serves button and lamps until `ended` returns true, then switches the lamps off. A failure is
 /// logged once and retried: photos do not depend on them.

@@ -8,11 +8,6 @@ use crate::frame::{Codes, Frame, Size, Work};
 /// any.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Screen {
-    /// Devices are being opened.
-    Starting {
-        /// Details.
-        words: String,
-    },
     /// No photo waits.
     Ready {
         /// What to do next.
@@ -178,14 +173,6 @@ fn photos(count: usize) -> String {
     if count == 1 { "1 photo".to_owned() } else { format!("{count} photos") }
 }
 
-fn waiting_title(count: usize) -> String {
-    match count {
-        0 => "Resting".to_owned(),
-        1 => "1 photo waits".to_owned(),
-        n => format!("{n} photos wait"),
-    }
-}
-
 /// `words` with a capital and a full stop.
 pub(crate) fn sentence(words: &str) -> String {
     let mut letters = words.chars();
@@ -193,24 +180,11 @@ pub(crate) fn sentence(words: &str) -> String {
     format!("{first}{}.", letters.as_str().trim_end_matches('.'))
 }
 
-fn working(photo: &str, number: usize, of: usize) -> ScreenContent {
-    let title = match of {
-        0 | 1 => "Working".to_owned(),
-        of => format!("Working: {number} of {of}"),
-    };
-    let progress = Some((number.saturating_sub(1)) as f32 / of.max(1) as f32);
-    let lines = vec![(photo.to_owned(), PAPER), (FLICKER.to_owned(), SOFT)];
-    ScreenContent { progress, ..ScreenContent::new(Symbol::Bars, title, lines) }
-}
-
 fn content(screen: &Screen) -> ScreenContent {
     let main = |words: &str| (words.to_owned(), PAPER);
     let soft = |words: &str| (words.to_owned(), SOFT);
     let alert = |words: &str| (words.to_owned(), AMBER);
     let mut content = match screen {
-        Screen::Starting { words } => {
-            ScreenContent::new(Symbol::Ring, "One moment", vec![main(words)])
-        }
         Screen::Ready { hint } => ScreenContent::new(Symbol::Disc, "Ready", vec![main(hint)]),
         Screen::Waiting { photos: count, .. } => {
             let lines = vec![main(&format!("{} to restore", photos(*count)))];
@@ -236,13 +210,26 @@ fn content(screen: &Screen) -> ScreenContent {
             let lines = vec![main(&sentence(why)), soft(FLICKER)];
             ScreenContent::new(Symbol::Bars, "Measuring the lens", lines)
         }
-        Screen::Working { photo, number, of } => working(photo, *number, *of),
+        Screen::Working { photo, number, of } => {
+            let title = match of {
+                0 | 1 => "Working".to_owned(),
+                of => format!("Working: {number} of {of}"),
+            };
+            let progress = Some((number.saturating_sub(1)) as f32 / (*of).max(1) as f32);
+            let content = ScreenContent::new(Symbol::Bars, title, vec![main(photo), soft(FLICKER)]);
+            ScreenContent { progress, ..content }
+        }
         Screen::Result { photo, untouched, words, hint } => {
             let title = if *untouched { "Returned unchanged" } else { "Done" };
             ScreenContent::new(Symbol::Disc, title, vec![main(photo), soft(words), soft(hint)])
         }
-        Screen::Resting { words, photos, .. } => {
-            ScreenContent::new(Symbol::Moon, waiting_title(*photos), vec![main(&sentence(words))])
+        Screen::Resting { words, photos: count, .. } => {
+            let title = match count {
+                0 => "Resting".to_owned(),
+                1 => "1 photo waits".to_owned(),
+                n => format!("{n} photos wait"),
+            };
+            ScreenContent::new(Symbol::Moon, title, vec![main(&sentence(words))])
         }
         Screen::Trouble { what, to_do } => {
             let lines = vec![main(what), alert(to_do), soft(RECOVERS)];

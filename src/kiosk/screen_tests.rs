@@ -8,7 +8,6 @@ fn examples() -> Vec<(&'static str, Screen)> {
     let text = str::to_owned;
     let photo = text("Sommer am Attersee, 1987.jpg");
     vec![
-        ("starting", Screen::Starting { words: text("Opening camera and panel.") }),
         ("ready", Screen::Ready { hint: text(DROP_AND_PRESS) }),
         (
             "waiting",

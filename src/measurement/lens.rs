@@ -16,6 +16,7 @@ use crate::config;
 use crate::deconvolution::data_term::TRUSTED;
 use crate::deconvolution::forward_convolution::Seen;
 use crate::deconvolution::lens_model::{LensFunctions, LensModel};
+use crate::deconvolution::method::WAVELET_LEVELS;
 use crate::deconvolution::panel_beat;
 use crate::deconvolution::registration::{Comparison, Registration};
 use crate::frame::{Channel, Frame, Plane, Rect, Size, Work};
@@ -238,7 +239,8 @@ fn measure_noise(
     calibration: &mut Calibration,
     correction: &Correction,
 ) -> Result<(), CalibrateError> {
-    let gradation = photometric::wide_gradation(session, calibration);
+    let apart = photometric::SUPPORTS_APART;
+    let gradation = photometric::gradation(session, calibration, apart, 99);
     let codes = gradation.grey();
     let pair = [correction.see(&session.raw(&codes)?), correction.see(&session.raw(&codes)?)];
     for c in Channel::ALL {
@@ -310,7 +312,7 @@ fn measure_norms(
     model: LensModel,
 ) -> Result<(), CalibrateError> {
     let filters = session.layout.mosaic.is_some();
-    let (mut measured, levels) = (calibration.clone(), session.config.restore.levels);
+    let (mut measured, levels) = (calibration.clone(), WAVELET_LEVELS);
     let norms = move || {
         let picture = measured.measure_norms(&model, levels, filters);
         (measured, picture)

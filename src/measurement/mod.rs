@@ -41,6 +41,7 @@ use crate::calibration::{
 use crate::config;
 use crate::deconvolution::lens_model::LensFunctions;
 use crate::deconvolution::level_norms::LevelNorms;
+use crate::deconvolution::method::WAVELET_LEVELS;
 use crate::frame::{Codes, Frame, SensorSpace};
 use crate::rig::exposure::Devices;
 use crate::rig::frame_mark::MarkPlace;
@@ -132,7 +133,7 @@ fn blank(config: &config::RigFile, geometry: [Geometry; 3]) -> Calibration {
         },
         broad: [Vec::new(), Vec::new(), Vec::new()],
         norm_squared: [1.0; 3],
-        level_norms: std::array::from_fn(|_| LevelNorms::uniform(config.restore.levels, 1.0)),
+        level_norms: std::array::from_fn(|_| LevelNorms::uniform(WAVELET_LEVELS, 1.0)),
         at_sites: None,
         focuses: Vec::new(),
         norm_squared_seen: 1.0,

@@ -62,7 +62,8 @@ pub(super) fn cross_channel(
         let i = c.index();
         let mut readings = Vec::new();
         for n in 0..GRADATIONS {
-            let gradation = gradation(session, calibration, (GRADATIONS * i + n) as u64);
+            let seed = (GRADATIONS * i + n) as u64;
+            let gradation = gradation(session, calibration, SUPPORTS_WIDE, seed);
             let seen = session.counts(&gradation.in_channel(c))?;
             let over = Frame::from_fn(|k| difference(seen.plane(k), black.plane(k)));
             readings.extend(read(session, calibration, c, &gradation, &over));
@@ -82,21 +83,12 @@ pub(super) fn cross_channel(
 /// only glare reaches there from other blocks.
 const SUPPORTS_WIDE: f64 = 1.5;
 const SUPPORTS_READ: f64 = 0.25;
-/// The same for noise, where small motions of the panel must not matter either.
-const SUPPORTS_APART: f64 = 3.0;
+/// The same for noise ([`flat_places`]), where small motions of the panel must not matter either.
+pub(super) const SUPPORTS_APART: f64 = 3.0;
 const SUPPORTS_FLAT: f64 = 0.75;
 
-/// A gradation for the response.
-fn gradation(session: &Session<'_>, calibration: &Calibration, seed: u64) -> Gradation {
-    gradation_of(session, calibration, SUPPORTS_WIDE, seed)
-}
-
-/// A gradation for noise; see [`flat_places`].
-pub(super) fn wide_gradation(session: &Session<'_>, calibration: &Calibration) -> Gradation {
-    gradation_of(session, calibration, SUPPORTS_APART, 99)
-}
-
-fn gradation_of(
+/// A gradation whose blocks are `supports` lens functions wide.
+pub(super) fn gradation(
     session: &Session<'_>,
     calibration: &Calibration,
     supports: f64,

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::CalibrateError;
 use super::motion::{self, PanelPlace};
-use super::session::{Session, difference, rim_px};
+use super::session::{Session, difference, rim_px, trust_both};
 use crate::calibration::lens_blur::{self, Shot};
 use crate::calibration::{Corrected, Correction, dark_corner};
 use crate::deconvolution::data_term::TRUSTED;
@@ -140,9 +140,7 @@ pub(super) fn shoot<'a>(
         let mut seen = session.seen(correction, &on_grey(&shown))?;
         places.push(PanelPlace { capture: session.captures(), at_px: (0.0, 0.0) });
         remove_beat(session, correction, &mut seen, &shown);
-        for (trusted, seen) in trusted.planes_mut().iter_mut().zip(seen.trusted.planes()) {
-            trusted.data_mut().iter_mut().zip(seen.data()).for_each(|(a, &b)| *a &= b);
-        }
+        trust_both(&mut trusted, &seen.trusted);
         if first.is_none() {
             first = Some(seen.light.plane(Channel::Green).clone());
         }

@@ -181,19 +181,20 @@ impl<'a> Session<'a> {
             let next = correction.see(&self.raw(&codes)?);
             for c in Channel::ALL {
                 sum.light.plane_mut(c).add_scaled(1.0, next.light.plane(c));
-                let both = sum
-                    .trusted
-                    .plane_mut(c)
-                    .data_mut()
-                    .iter_mut()
-                    .zip(next.trusted.plane(c).data());
-                both.for_each(|(a, &b)| *a &= b);
             }
+            trust_both(&mut sum.trusted, &next.trusted);
         }
         for plane in sum.light.planes_mut() {
             plane.data_mut().iter_mut().for_each(|v| *v /= times as f32);
         }
         Ok(sum)
+    }
+}
+
+/// Trusts what both `trusted` and `other` do.
+pub(super) fn trust_both(trusted: &mut Frame<Work, u8>, other: &Frame<Work, u8>) {
+    for (trusted, other) in trusted.planes_mut().iter_mut().zip(other.planes()) {
+        trusted.data_mut().iter_mut().zip(other.data()).for_each(|(a, &b)| *a &= b);
     }
 }
 

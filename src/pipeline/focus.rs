@@ -13,7 +13,7 @@ use crate::frame::{Channel, Frame, Work};
 
 /// The lens as measured at several focus offsets, the panel's included; empty where it was measured
 /// at the panel's alone.
-pub(super) struct Focuses(Vec<OtherFocus>);
+pub(super) struct Focuses(pub(super) Vec<OtherFocus>);
 
 impl Focuses {
     pub(super) fn of(calibration: &Calibration) -> Focuses {
@@ -39,11 +39,6 @@ impl Focuses {
             }
         }
         Focuses(all)
-    }
-
-    /// Whether the lens was measured at the panel's focus only.
-    pub(super) fn is_panel_alone(&self) -> bool {
-        self.0.is_empty()
     }
 
     fn series(&self) -> Option<FocusSeries<'_>> {

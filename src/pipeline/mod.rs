@@ -24,7 +24,7 @@ pub use judging::{
     Evidence, Findings, FineColour, Grain, Measures, PHOTO_LIMITS, PhotoLimits, Residuals, Unit,
     WITNESSES, WitnessRow, harm, is_suspect,
 };
-pub use methods::{digital, hybrid, method, paper, reference_solution};
+pub use methods::{hybrid, method, paper};
 pub use optical_residual::{CertifiedFocus, Confirmation, OpticalResidual};
 pub use outcome::{Iteration, Outcome, Restoration, Verdict};
 pub use outliers::{Outliers, areas};
@@ -42,6 +42,7 @@ use crate::calibration::photo_side::PhotoSide;
 use crate::calibration::{Calibration, CrossChannel, Noise};
 use crate::config;
 use crate::deconvolution::lens_model::{LensModel, LensModelError};
+use crate::deconvolution::method::WAVELET_LEVELS;
 use crate::deconvolution::method::digital::Digital;
 use crate::deconvolution::method::total_variation::TotalVariation;
 use crate::frame::{Channel, FULL_SCALE, RawSites, Size};
@@ -88,8 +89,8 @@ impl Pipeline {
     pub fn new(rig: &config::RigFile, calibration: &Calibration) -> Result<Self, PipelineError> {
         let layout = Layout::of(rig);
         let found = calibration.level_norms[0].levels();
-        if found != rig.restore.levels {
-            return Err(PipelineError::Levels { found, wanted: rig.restore.levels });
+        if found != WAVELET_LEVELS {
+            return Err(PipelineError::Levels(found));
         }
         // First, because it looks at the sizes.
         let correction = Correction::new(calibration, layout)?;
@@ -109,8 +110,8 @@ impl Pipeline {
             capture_noise: calibration.noise.map(|noise| noise.sigma(FULL_SCALE / 2.0)),
             black_surround: layout.margin_px == 0,
             model_error: ModelError::of(calibration),
-            reference: reference_solution(rig),
-            digital: digital(rig),
+            reference: TotalVariation::default(),
+            digital: Digital::default(),
             stopwatch: Arc::new(|| 0.0),
             interruption: None,
             correction,
@@ -144,11 +145,6 @@ impl Pipeline {
         Ok(Pipeline { interruption, ..fresh })
     }
 
-    /// The noise of one exposure at the sensor's sites, in counts.
-    pub fn site_noise(&self) -> SiteNoise {
-        counted_noise(&self.site_noise, self.counts_per_level)
-    }
-
     /// The noise of one exposure at the sites `raw`, in the photo's own grey levels, whose white is
     /// not the calibration's.
     pub fn noise_at(&self, raw: &RawSites) -> [Noise; 3] {
@@ -173,11 +169,8 @@ impl Pipeline {
 
 /// The noise of one exposure at the sites of a rig with this `calibration`, in counts.
 pub fn site_noise_of(calibration: &Calibration) -> SiteNoise {
-    counted_noise(&site_noise(calibration), calibration.counts_per_level)
-}
-
-fn counted_noise(noise: &[Noise; 3], counts_per_level: [f32; 3]) -> SiteNoise {
-    let each = [0, 1, 2].map(|c| (noise[c], f64::from(counts_per_level[c])));
+    let noise = site_noise(calibration);
+    let each = [0, 1, 2].map(|c| (noise[c], f64::from(calibration.counts_per_level[c])));
     SiteNoise {
         at_black: each.map(|(noise, counts)| f64::from(noise.at_black) * counts.powi(2)),
         per_count: each.map(|(noise, counts)| f64::from(noise.per_level) * counts),
@@ -215,16 +208,8 @@ fn norm_bound(calibration: &Calibration) -> [f32; 3] {
 #[derive(Debug, thiserror::Error)]
 pub enum PipelineError {
     /// The lens was measured for another number of wavelet levels.
-    #[error(
-        "the calibration measured {found} wavelet levels of the lens; the rig file's [restore] \
-         levels is {wanted}"
-    )]
-    Levels {
-        /// Levels measured.
-        found: usize,
-        /// Levels wanted.
-        wanted: usize,
-    },
+    #[error("the calibration measured {0} wavelet levels of the lens, allowed {WAVELET_LEVELS}")]
+    Levels(usize),
     /// The lens functions do not fit.
     #[error("the calibration's lens functions cannot be used")]
     Lens(#[from] LensModelError),

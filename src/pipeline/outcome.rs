@@ -135,7 +135,7 @@ impl Pipeline {
     ) -> Result<(Outcome, Solved), MethodError> {
         let (mut outcome, solved) = self.restore_explained(rig, photo, method, watch)?;
         if let Some(certificate) = &mut outcome.certificate
-            && !self.focuses.is_panel_alone()
+            && !self.focuses.0.is_empty()
         {
             certificate.focus = CertifiedFocus::Photo;
         }

@@ -2,8 +2,9 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::config::methods::{Numbers, Solving};
 use crate::config::{self, OperatingPoint, RigFile};
+use crate::deconvolution::method::digital::Digital;
+use crate::deconvolution::method::hybrid;
 
 /// The numbers chosen for a rig; all others are its file's.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -24,14 +25,13 @@ pub struct Setting {
 impl Setting {
     /// `method` with the numbers of the rig file.
     pub fn as_filed(rig: &RigFile, method: config::MethodName) -> Setting {
-        let Numbers { steps, correction_steps, captures_max, rounds, .. } = rig.numbers();
-        Setting { method, steps, correction_steps, captures_max, rounds }
-    }
-
-    /// The method with these numbers.
-    pub fn method(&self, rig: &RigFile) -> Solving {
-        let Setting { method, steps, correction_steps, captures_max, rounds } = *self;
-        method.with(&Numbers { steps, correction_steps, captures_max, rounds, ..rig.numbers() })
+        Setting {
+            method,
+            steps: Digital::default().steps,
+            correction_steps: hybrid::CORRECTION_STEPS,
+            captures_max: 1 + rig.restore.corrections_max as u32,
+            rounds: rig.restore.block_rounds as u32,
+        }
     }
 
     /// Whether the numbers are in range: 1 to 10 000, and captures from 0 for block matching.

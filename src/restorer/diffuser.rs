@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
+use super::photo_file::SensorFacts;
 use super::{keep, kept};
 use crate::calibration::dark_corner::{normalised, smooth};
 use crate::calibration::surface::Surface;
@@ -73,10 +74,7 @@ pub fn measure(
     turn: &mut dyn FnMut(),
 ) -> Result<LensFlat, AnyFailure> {
     let calibration = store::load(slots, config.identity)?;
-    let range = CountRange {
-        black: calibration.black_level(Channel::Green),
-        max: config.camera.count_max(),
-    };
+    let range = SensorFacts::of(config, &calibration).range;
     // A camera that cannot set its exposure keeps it.
     meter(devices, config.mosaic(), range, TIMES)?;
     let takes = take(config, devices, &calibration, range).and_then(|first| {

@@ -20,7 +20,6 @@ use crate::pipeline::{Interruption, Outcome, Pipeline, Restoration, Setting, Sto
 use crate::remedy::{AnyFailure, Remedy};
 use crate::rig::exposure::Devices;
 use crate::rig::frame_mark::MarkPlace;
-use crate::rig::shoot::CountRange;
 use crate::rig::{RigError, presence};
 
 /// A rig, its calibration on flash, and the method for its photos.
@@ -36,10 +35,8 @@ pub struct OnRig {
     interruption: Option<Interruption>,
     /// The pilot's reading right after the calibration.
     baseline: Option<PilotReading>,
-    /// Counts of the camera in the dark.
-    black: f64,
-    /// Counts of its channels for each grey level of the panel's primaries.
-    gains: Option<[[f64; 3]; 3]>,
+    /// The camera's sensor as calibrated.
+    sensor: SensorFacts,
     /// The lens's own dark corner, where it is to be removed and was measured.
     lens_flat: Option<diffuser::LensFlat>,
     /// The photo restored last, and its result, for the panel.
@@ -92,17 +89,6 @@ pub(super) fn watch(
     }
 }
 
-/// Counts of each of the camera's channels for each grey level of the panel's red, green and blue,
-/// which are near sRGB's. `None` for a simulated rig, whose scenes give each channel its own light.
-pub fn gains_of(config: &config::RigFile, calibration: &Calibration) -> Option<[[f64; 3]; 3]> {
-    let of_unit = calibration.counts_per_level;
-    let gain = |to: usize, from: usize| {
-        f64::from(calibration.cross_channel.c[from][to]) * f64::from(of_unit[to])
-    };
-    let gains = [0, 1, 2].map(|to| [0, 1, 2].map(|from| gain(to, from)));
-    config.simulation().is_none().then_some(gains)
-}
-
 /// One reading of the pilot.
 fn read_pilot(
     config: &config::RigFile,
@@ -140,8 +126,7 @@ impl OnRig {
             calibrating,
             interruption: None,
             baseline: baseline::load(&slots, calibration.generation),
-            black: calibration.black_level(Channel::Green),
-            gains: gains_of(config, &calibration),
+            sensor: SensorFacts::of(config, &calibration),
             slots,
             last: None,
         })
@@ -168,10 +153,6 @@ impl OnRig {
         flat.remove_from(picture);
         let most = 1.0 / flat.darkest();
         Some(format!("the lens's dark corners were removed: up to {most:.2} times the light"))
-    }
-
-    fn count_range(&self) -> CountRange {
-        CountRange { black: self.black, max: self.config.camera.count_max() }
     }
 }
 
@@ -241,8 +222,7 @@ impl Restorer for OnRig {
             )?;
             self.pipeline = self.pipeline.calibrated(&self.config, &calibration)?;
             self.baseline = baseline::load(&self.slots, calibration.generation);
-            self.black = calibration.black_level(Channel::Green);
-            self.gains = gains_of(&self.config, &calibration);
+            self.sensor = SensorFacts::of(&self.config, &calibration);
         } else {
             self.devices.reopen()?;
         }
@@ -259,18 +239,15 @@ impl Restorer for OnRig {
 
     fn take(&mut self) -> Result<Option<TakenPhoto>, AnyFailure> {
         let own = self.config.unbinned();
-        // The noise of a binned pixel is not that of its sites.
-        let noise = (self.config.camera.binning == 1).then(|| self.pipeline.site_noise());
-        let sensor = SensorFacts { range: self.count_range(), gains: self.gains, noise };
         self.devices.camera.deliver_own(true);
-        let taken = photo_file::take(&mut self.devices, &own, &sensor);
+        let taken = photo_file::take(&mut self.devices, &own, &self.sensor);
         self.devices.camera.deliver_own(false);
         taken.map(Some)
     }
 
     fn look_for_panel(&mut self) -> Result<PanelView, AnyFailure> {
-        let (mosaic, range) = (self.config.mosaic(), self.count_range());
-        if !presence::is_panel_there(&mut self.devices, mosaic, range)? {
+        let mosaic = self.config.mosaic();
+        if !presence::is_panel_there(&mut self.devices, mosaic, self.sensor.range)? {
             return Ok(PanelView::Absent);
         }
         let Some(place) = MarkPlace::of(&self.config) else { return Ok(PanelView::There) };

@@ -1,9 +1,11 @@
 //! A photo taken by the rig as a file: raw sites behind colour filters, or three planes with the
 //! rig's curve.
 
+use crate::calibration::Calibration;
 use crate::config::RigFile;
-use crate::frame::{Frame, Mosaic, Work};
+use crate::frame::{Channel, Frame, Mosaic, Work};
 use crate::picture::{Dng, Format, Manner, PictureError, RawTags, RigSetting, encode};
+use crate::pipeline::site_noise_of;
 use crate::remedy::AnyFailure;
 use crate::rig::RigError;
 use crate::rig::exposure::Devices;
@@ -21,6 +23,25 @@ pub struct SensorFacts {
     pub gains: Option<[[f64; 3]; 3]>,
     /// The noise of one exposure, where measured.
     pub noise: Option<SiteNoise>,
+}
+
+impl SensorFacts {
+    /// What the `calibration` of `rig` measured of its sensor.
+    pub fn of(rig: &RigFile, calibration: &Calibration) -> SensorFacts {
+        let of_unit = calibration.counts_per_level.map(f64::from);
+        let mixing = calibration.cross_channel.c;
+        let gain = |to: usize, from: usize| f64::from(mixing[from][to]) * of_unit[to];
+        let gains = [0, 1, 2].map(|to| [0, 1, 2].map(|from| gain(to, from)));
+        let black = calibration.black_level(Channel::Green);
+        SensorFacts {
+            range: CountRange { black, max: rig.camera.count_max() },
+            // The panel's primaries are near sRGB's. A simulated rig's scenes give each channel
+            // its own light.
+            gains: rig.simulation().is_none().then_some(gains),
+            // The noise of a binned pixel is not that of its sites.
+            noise: (rig.camera.binning == 1).then(|| site_noise_of(calibration)),
+        }
+    }
 }
 
 /// A photo in memory.

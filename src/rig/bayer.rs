@@ -8,41 +8,15 @@ use crate::frame::{Channel, Counts, Mosaic, Plane};
 /// Fills the three planes of `counts` from the sites `raw`: a channel's own sites unchanged, others
 /// with the rounded mean of its sites among the eight neighbours (fewer at the border).
 pub fn interpolate(raw: &Plane<u16>, mosaic: Mosaic, counts: &mut Counts) {
-    let (width, height) = (raw.width(), raw.height());
+    // A frame of one row or column lacks whole channels, which stay black.
+    let mean = |near: &[u16]| {
+        let (sum, sites) = (near.iter().map(|&v| u32::from(v)).sum::<u32>(), near.len() as u32);
+        (sum + sites / 2).checked_div(sites).unwrap_or(0) as u16
+    };
     for channel in Channel::ALL {
         let plane = counts.plane_mut(channel);
-        for y in 0..height {
-            let inner_row = y > 0 && y + 1 < height;
-            for start in 0..2usize {
-                let offsets = mosaic.nearest(channel, start, y);
-                let row = plane.row_mut(y);
-                for x in (start..width).step_by(2) {
-                    row[x] = if inner_row && x > 0 && x + 1 < width {
-                        let sum: u32 = offsets
-                            .iter()
-                            .map(|&(dx, dy)| u32::from(raw.at((x + dx) - 1, (y + dy) - 1)))
-                            .sum();
-                        ((sum + offsets.len() as u32 / 2) / offsets.len() as u32) as u16
-                    } else {
-                        at_the_border(raw, offsets, x, y)
-                    };
-                }
-            }
-        }
+        (0..raw.height()).for_each(|y| mosaic.fill_row(channel, raw, y, plane.row_mut(y), mean));
     }
-}
-
-fn at_the_border(raw: &Plane<u16>, offsets: &[(usize, usize)], x: usize, y: usize) -> u16 {
-    let (mut sum, mut sites) = (0u32, 0u32);
-    for &(dx, dy) in offsets {
-        let (column, row) = (x + dx, y + dy);
-        if (1..=raw.width()).contains(&column) && (1..=raw.height()).contains(&row) {
-            sum += u32::from(raw.at(column - 1, row - 1));
-            sites += 1;
-        }
-    }
-    // A frame of one row or column lacks whole channels, which stay black.
-    (sum + sites / 2).checked_div(sites).unwrap_or(0) as u16
 }
 
 #[cfg(test)]

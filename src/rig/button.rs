@@ -54,7 +54,7 @@ mod line {
 
     use crate::rig::gpio_line::{CONSUMER, LineName, find};
     use crate::rig::monotonic::Monotonic;
-    use crate::rig::{Clock, Moment, RigError};
+    use crate::rig::{ButtonLevel, Clock, Moment, RigError};
 
     /// Edge events per reading: the kernel queues 16 per line.
     const EVENTS: usize = 16;
@@ -91,12 +91,10 @@ mod line {
             let request = builder.request().map_err(failed("take its line"))?;
             Ok(Button { request, offset: place.offset })
         }
+    }
 
-        /// Waits for an edge, at most until `deadline`, and returns the level.
-        ///
-        /// # Errors
-        /// When the line cannot be read.
-        pub fn level_by(&mut self, deadline: Moment) -> Result<bool, RigError> {
+    impl ButtonLevel for Button {
+        fn level_by(&mut self, deadline: Moment) -> Result<bool, RigError> {
             let remaining_s = (deadline.0 - Monotonic.now().0).clamp(0.0, 3600.0);
             let waited = self.request.wait_edge_event(Duration::from_secs_f64(remaining_s));
             if waited.map_err(failed("wait for its edges"))? {

@@ -193,6 +193,32 @@ impl Remediable for RigError {
     }
 }
 
+/// The level of a button.
+pub trait ButtonLevel {
+    /// Waits for a change of level, at most until `deadline`, and returns the level. May return
+    /// early.
+    ///
+    /// # Errors
+    /// When the line can no longer be read.
+    fn level_by(&mut self, deadline: Moment) -> Result<bool, RigError>;
+}
+
+/// The lamps of a box.
+pub trait LampRow {
+    /// Lights exactly `lit`.
+    ///
+    /// # Errors
+    /// When a line cannot be set.
+    fn show(&mut self, lit: &[Lamp]) -> Result<(), RigError>;
+}
+
+/// A box without lamps.
+impl LampRow for () {
+    fn show(&mut self, _: &[Lamp]) -> Result<(), RigError> {
+        Ok(())
+    }
+}
+
 /// Meaning of a lamp. Colours after IEC 60073: green ready, white busy, red trouble.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Lamp {

@@ -32,11 +32,13 @@ impl Timing {
             settle_ms: panel.settle_ms,
             exposure_ms: camera.exposure_ms,
             deadline_ms: camera.deadline_ms,
-            exposures_max: camera.exposures_max,
+            exposures_max: EXPOSURES_MAX,
         }
     }
 }
 
+/// Exposures of one picture before the rig gives up. Guess.
+const EXPOSURES_MAX: u32 = 3;
 /// Tolerance for early time stamps where marks identify frames: drivers of USB cameras estimate
 /// them. Guess.
 const STAMP_ERROR_MS: f64 = 2.0;
@@ -65,14 +67,6 @@ pub struct Rejected {
     pub unmarked: u64,
     /// Exposed by a pulse of wrong length.
     pub mistimed: u64,
-}
-
-impl Rejected {
-    /// Total of all reasons.
-    pub fn total(&self) -> u64 {
-        let mismatched = self.another + self.mixed + self.unmarked;
-        self.missing + self.repeated + self.early + mismatched + self.mistimed
-    }
 }
 
 /// An exposure whose frame has not arrived.
@@ -152,16 +146,6 @@ impl Devices {
             self.exposure_times = times;
         }
         Ok(is_set)
-    }
-
-    /// Sets the gain to about `times` the rig file's. Returns the multiple reached, or `None` if
-    /// this camera's gain cannot be set. For the noise at that gain see
-    /// [`super::shoot::SiteNoise::amplified`].
-    ///
-    /// # Errors
-    /// When the camera refuses the setting.
-    pub fn amplify_times(&mut self, times: f64) -> Result<Option<f64>, RigError> {
-        self.camera.amplify_times(times)
     }
 
     /// Watches a triggered camera while no pulse is sent.
@@ -306,8 +290,11 @@ impl Devices {
         let mut failure = RigError::NoFrame { waited_ms: 0.0 };
         let early_before = self.rejected.early;
         for tries in 1..=self.timing.exposures_max {
-            let pending = PendingExposure { vanished, ..self.fire(flip, number)? };
-            match self.receive(&pending) {
+            // Once the picture has settled.
+            self.clock.wait_until(after(flip.at, self.timing.settle_ms));
+            let fired = self.pulse()?;
+            self.captures += 1;
+            match self.receive(&PendingExposure { flip, fired, number, vanished }) {
                 Err(RigError::NotThisPicture { mut last, .. }) => {
                     let early = self.rejected.early - early_before;
                     // The first trigger of all gives no frame.
@@ -338,14 +325,6 @@ impl Devices {
         Ok((self.panel.show(&self.marked)?, self.number))
     }
 
-    /// Triggers once the picture has settled.
-    fn fire(&mut self, flip: Flip, number: u8) -> Result<PendingExposure, RigError> {
-        self.clock.wait_until(after(flip.at, self.timing.settle_ms));
-        let fired = self.pulse()?;
-        self.captures += 1;
-        Ok(PendingExposure { flip, fired, number, vanished: None })
-    }
-
     /// Receives the frame of `pending`, skipping other frames until its deadline.
     fn receive(&mut self, pending: &PendingExposure) -> Result<Exposed, RigError> {
         let deadline = after(pending.fired, self.timing.deadline_ms);
@@ -361,30 +340,26 @@ impl Devices {
                 }
                 outcome => outcome?,
             };
-            if self.last_sequence.replace(exposed.sequence) == Some(exposed.sequence) {
-                self.rejected.repeated += 1;
-                skipped = Some(format!("frame {} a second time", exposed.sequence));
-                self.camera.give_back(exposed.counts);
-                continue;
-            }
-            let grace_s = if self.marks.is_some() { STAMP_ERROR_MS / 1e3 } else { 0.0 };
-            if exposed.at.0 + grace_s < pending.fired.0.max(pending.flip.at.0) {
-                self.rejected.early += 1;
-                let early_ms = (pending.fired.0 - exposed.at.0) * 1e3;
-                skipped = Some(format!("exposed {early_ms:.1} ms before the trigger"));
-                self.camera.give_back(exposed.counts);
-                continue;
-            }
             // The right frame follows a late one of an earlier trigger. Another trigger now would
             // leave the rig one frame behind for good.
-            let Some(mismatch) = self.mismatch(&exposed, pending) else { return Ok(exposed) };
-            skipped = Some(mismatch);
+            let Some(fault) = self.fault(&exposed, pending) else { return Ok(exposed) };
+            skipped = Some(fault);
             self.camera.give_back(exposed.counts);
         }
     }
 
-    /// Describes the mismatch of the frame's mark, if any, and counts it.
-    fn mismatch(&mut self, exposed: &Exposed, pending: &PendingExposure) -> Option<String> {
+    /// Describes why the frame is not of `pending`, if it is not, and counts it.
+    fn fault(&mut self, exposed: &Exposed, pending: &PendingExposure) -> Option<String> {
+        if self.last_sequence.replace(exposed.sequence) == Some(exposed.sequence) {
+            self.rejected.repeated += 1;
+            return Some(format!("frame {} a second time", exposed.sequence));
+        }
+        let grace_s = if self.marks.is_some() { STAMP_ERROR_MS / 1e3 } else { 0.0 };
+        if exposed.at.0 + grace_s < pending.fired.0.max(pending.flip.at.0) {
+            self.rejected.early += 1;
+            let early_ms = (pending.fired.0 - exposed.at.0) * 1e3;
+            return Some(format!("exposed {early_ms:.1} ms before the trigger"));
+        }
         let marks = self.marks.as_ref()?;
         if let Some(own) = &pending.vanished {
             if marks.is_gone(&exposed.counts, pending.number, own) {

@@ -104,11 +104,6 @@ impl MarkPlace {
         Some(MarkPlace::still(sensor, from_edge_px, height_px, guard_px))
     }
 
-    /// Rows from either edge to the end of the guard.
-    fn depth_px(&self) -> usize {
-        self.from_edge_px + self.height_px + self.guard_px
-    }
-
     /// Whether sensor row `row` is reserved for lasting marks and their guard.
     pub fn reserves(&self, row: usize) -> bool {
         !self.vanish && self.covers(row as f64)
@@ -124,7 +119,7 @@ impl MarkPlace {
     /// Whether a row, on the sensor or beyond it, belongs to a strip or its guard.
     fn covers(&self, y: f64) -> bool {
         let begin = -((self.height_px + self.guard_px) as f64);
-        let end = self.depth_px() as f64 - 0.5;
+        let end = (self.from_edge_px + self.height_px + self.guard_px) as f64 - 0.5;
         let from_below = self.sensor.height as f64 - 1.0 - y;
         (begin..end).contains(&y) || (begin..end).contains(&from_below)
     }
@@ -147,13 +142,6 @@ impl MarkPlace {
         let edge = |n: usize| first + n * self.height_px / BANDS;
         edge(band)..edge(band + 1)
     }
-}
-
-/// Sensor rows over which a strip is read: its middle half.
-fn measured_rows(place: &MarkPlace, strip: usize) -> Range<usize> {
-    let margin = place.height_px / 4;
-    let first = place.first_row(strip);
-    first + margin..first + place.height_px - margin
 }
 
 /// The bits of a number and its check bits, a weighted sum of its halves. No single flipped bit
@@ -206,15 +194,9 @@ impl FrameMarks {
         let right = place.sensor.width as f64 - 1.0;
         let inside = (0..2).all(|strip| {
             let first = place.first_row(strip) as f64;
-            [
-                [0.0, first],
-                [right, first],
-                [0.0, first + place.height_px as f64],
-                [right, first + place.height_px as f64],
-            ]
-            .into_iter()
-            .map(|corner| geometry.panel_at(corner))
-            .all(|[x, y]| {
+            let end = first + place.height_px as f64;
+            [[0.0, first], [right, first], [0.0, end], [right, end]].into_iter().all(|corner| {
+                let [x, y] = geometry.panel_at(corner);
                 (0.0..panel.width as f64).contains(&x) && (0.0..panel.height as f64).contains(&y)
             })
         });
@@ -342,7 +324,9 @@ impl FrameMarks {
     fn contrasts(&self, counts: &Counts) -> Contrasts {
         let plane = counts.plane(Channel::Green);
         std::array::from_fn(|strip| {
-            let rows = measured_rows(&self.place, strip);
+            // The middle half of a strip.
+            let (first, height_px) = (self.place.first_row(strip), self.place.height_px);
+            let rows = first + height_px / 4..first + height_px - height_px / 4;
             std::array::from_fn(|bit| self.contrast(plane, rows.clone(), bit))
         })
     }

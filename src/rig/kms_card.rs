@@ -90,27 +90,23 @@ impl Card {
     /// Connectors of the card, without probing them.
     fn sockets(&self) -> Result<Vec<Socket>, std::io::Error> {
         let all = self.resource_handles()?;
-        let socket = |&handle: &connector::Handle| {
-            let info = self.get_connector(handle, false)?;
-            let plugged_in = info.state() == connector::State::Connected;
-            Ok(Socket { name: info.to_string(), plugged_in })
-        };
+        let socket =
+            |&handle: &connector::Handle| Ok(Socket::of(&self.get_connector(handle, false)?));
         all.connectors().iter().map(socket).collect()
     }
 
-    /// The connector `name` ("HDMI-A-1"), its state probed if `probe`.
+    /// The connector `name` ("HDMI-A-1"), its state probed.
     ///
     /// # Errors
     /// [`RigError::Refused`] with the existing names.
-    pub(super) fn connector(&self, name: &str, probe: bool) -> Result<connector::Info, RigError> {
+    pub(super) fn connector(&self, name: &str) -> Result<connector::Info, RigError> {
         let mut names = Vec::new();
         for &handle in self.resource_handles().map_err(failed("list connectors"))?.connectors() {
-            let info = self.get_connector(handle, probe).map_err(failed("ask a connector"))?;
+            let info = self.get_connector(handle, true).map_err(failed("ask a connector"))?;
             if info.to_string() == name {
                 return Ok(info);
             }
-            let plugged_in = info.state() == connector::State::Connected;
-            names.push(Socket { name: info.to_string(), plugged_in }.to_string());
+            names.push(Socket::of(&info).to_string());
         }
         Err(no_connector(name, &names))
     }
@@ -134,6 +130,13 @@ impl Card {
 struct Socket {
     name: String,
     plugged_in: bool,
+}
+
+impl Socket {
+    fn of(info: &connector::Info) -> Socket {
+        let plugged_in = info.state() == connector::State::Connected;
+        Socket { name: info.to_string(), plugged_in }
+    }
 }
 
 impl std::fmt::Display for Socket {
@@ -205,8 +208,7 @@ pub(super) fn describe(text: &mut impl Write) -> std::fmt::Result {
         writeln!(text, "{}: {}", path.display(), driver.unwrap_or_default())?;
         for handle in card.resource_handles().iter().flat_map(|all| all.connectors().to_vec()) {
             let Ok(info) = card.get_connector(handle, false) else { continue };
-            let plugged_in = info.state() == connector::State::Connected;
-            writeln!(text, " {}", Socket { name: info.to_string(), plugged_in })?;
+            writeln!(text, " {}", Socket::of(&info))?;
             for mode in info.modes() {
                 let ((width, height), hz) = (mode.size(), mode.vrefresh());
                 writeln!(text, "  {width}×{height} at {hz} Hz, {} kHz", mode.clock())?;

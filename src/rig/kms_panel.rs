@@ -88,8 +88,10 @@ impl KmsPanel {
                 allowed: "one with it, as of every current graphics chip".to_owned(),
             })?;
         }
-        let connector = card.connector(&settings.connector, true)?;
-        plugged_in(&connector)?;
+        let connector = card.connector(&settings.connector)?;
+        if connector.state() != connector::State::Connected {
+            return Err(unplugged(&settings.connector));
+        }
         let mode = find_mode(&connector, &settings)?;
         let pipe = find_pipe(&card, &connector)?;
         let picture_property = card.properties(pipe.plane)?.handle("FB_ID")?;
@@ -221,15 +223,15 @@ impl KmsPanel {
     /// Measures the refresh interval over a run of flips, by the kernel's time stamps and vblank
     /// counter.
     fn measured_interval(&mut self) -> Result<f64, RigError> {
-        let mut first = None;
-        let mut last = None;
-        for _ in 0..=TIMED_FLIPS {
+        let mut flip = || {
             self.request_flip(1 - self.front)?;
-            let flip = self.flipped()?;
-            first.get_or_insert(flip);
-            last = Some(flip);
+            self.flipped()
+        };
+        let first = flip()?;
+        let mut last = first;
+        for _ in 0..TIMED_FLIPS {
+            last = flip()?;
         }
-        let (Some(first), Some(last)) = (first, last) else { return Ok(self.interval_s) };
         let refreshes = last.vblank.wrapping_sub(first.vblank) as u32;
         let interval_s = (last.at.0 - first.at.0) / f64::from(refreshes.max(1));
         let wanted_s = 1.0 / self.settings.refresh_hz;
@@ -267,7 +269,7 @@ impl Display for KmsPanel {
     }
 
     fn probe(&mut self) -> Result<bool, RigError> {
-        let connector = self.card.connector(&self.settings.connector, true)?;
+        let connector = self.card.connector(&self.settings.connector)?;
         Ok(connector.state() == connector::State::Connected)
     }
 
@@ -314,13 +316,6 @@ impl Drop for KmsPanel {
             let _ = self.card.destroy_dumb_buffer(buffer.memory);
         }
         let _ = self.card.release_master_lock();
-    }
-}
-
-fn plugged_in(connector: &connector::Info) -> Result<(), RigError> {
-    match connector.state() {
-        connector::State::Connected => Ok(()),
-        _ => Err(unplugged(&connector.to_string())),
     }
 }
 

@@ -3,7 +3,7 @@
 use embedded_hal::digital::OutputPin;
 
 use super::gpio_line::{LineName, OutputLine};
-use super::{Lamp, RigError};
+use super::{Lamp, LampRow, RigError};
 
 /// The lamps that the box has.
 #[derive(Default)]
@@ -20,12 +20,10 @@ impl Lamps {
         let open = |(lamp, name): &(Lamp, LineName)| Ok((*lamp, OutputLine::open("lamp", name)?));
         Ok(Lamps { lines: names.iter().map(open).collect::<Result<_, RigError>>()? })
     }
+}
 
-    /// Lights exactly the lamps in `lit`.
-    ///
-    /// # Errors
-    /// When a line cannot be set.
-    pub fn show(&mut self, lit: &[Lamp]) -> Result<(), RigError> {
+impl LampRow for Lamps {
+    fn show(&mut self, lit: &[Lamp]) -> Result<(), RigError> {
         for (lamp, line) in &mut self.lines {
             let outcome = if lit.contains(lamp) { line.set_high() } else { line.set_low() };
             outcome.map_err(|cause| RigError::Failed {

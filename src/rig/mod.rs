@@ -44,7 +44,9 @@ pub mod simulated;
 #[cfg(any(test, feature = "hardware"))]
 mod stamps;
 
-pub use device::{Camera, Clock, Exposed, Flip, Lamp, Moment, Panel, RigError, Trigger};
+pub use device::{
+    ButtonLevel, Camera, Clock, Exposed, Flip, Lamp, LampRow, Moment, Panel, RigError, Trigger,
+};
 
 use crate::config;
 

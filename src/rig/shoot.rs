@@ -301,7 +301,7 @@ mod tests {
         witness.put_before_lens(Some(&wall));
         let mosaic = Some(Mosaic::Rggb);
         let mut seen = |times: f64| {
-            assert_eq!(devices.amplify_times(times).unwrap(), Some(times));
+            assert_eq!(devices.camera.amplify_times(times).unwrap(), Some(times));
             let mut shot = || shoot(&mut devices, mosaic, RANGE, 1).unwrap();
             let (one, other) = (shot(), shot());
             let sites = |shot: &PhotoShot| sites_of(shot.counts.planes(), Mosaic::Rggb);

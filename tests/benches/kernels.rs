@@ -8,7 +8,7 @@ use relens::deconvolution::lens_model::{LensFunctions, LensModel};
 use relens::deconvolution::quality::ssim;
 use relens::deconvolution::wavelet::{Scratch, Sym8};
 use relens::deconvolution::wavelet_shrinkage::{Shrinkage, ShrinkageScratch};
-use relens::frame::resample::{Outside, resize, warp};
+use relens::frame::resample::{resize, warp};
 use relens::frame::{Channel, Plane, Size};
 
 const PHOTO: Size = Size::new(1024, 768);
@@ -82,7 +82,7 @@ fn warp_bicubic(bencher: Bencher) {
     let map_x = Plane::from_fn(PHOTO, |x, y| place(x, y).0);
     let map_y = Plane::from_fn(PHOTO, |x, y| place(x, y).1);
     let mut out = source.clone();
-    bencher.bench_local(|| warp(black_box(&source), &map_x, &map_y, Outside::Edge, &mut out));
+    bencher.bench_local(|| warp(black_box(&source), &map_x, &map_y, &mut out));
 }
 
 #[divan::bench]

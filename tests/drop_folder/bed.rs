@@ -111,7 +111,7 @@ pub fn once_with(
     let clock = TestClock::default();
     let calendar = || UNIX_EPOCH + Duration::from_secs(CALENDAR_UNIX_S);
     let folders = Folders::open(root)?;
-    Daemon::open(folders, setting(), restorer, &clock, &calendar, watcher)?.once()
+    Daemon::open(folders, setting(), restorer, &clock, &calendar, watcher)?.once(&|| false)
 }
 
 pub fn once(root: &Path) -> Summary {

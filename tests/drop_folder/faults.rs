@@ -407,7 +407,7 @@ fn photos_are_taken_from_an_inbox_on_another_file_system() {
     let setting = DaemonSetting::new("test rig", TINY, Curve::Srgb);
     let mut daemon =
         Daemon::open(folders, setting, &mut restorer, &clock, &calendar, &mut watcher).unwrap();
-    let summary = daemon.once().unwrap();
+    let summary = daemon.once(&|| false).unwrap();
     assert_eq!((summary.restored.len(), summary.failed.len()), (1, 1), "{summary:?}");
     let now = disk.contents().now();
     let holds =

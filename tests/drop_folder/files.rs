@@ -312,7 +312,7 @@ fn another_size_of_the_same_shape_is_resampled_with_a_note() {
     let folders = Folders::open(root).unwrap();
     let mut daemon =
         Daemon::open(folders, refusing, &mut restorer, &clock, &calendar, &mut watcher).unwrap();
-    let summary = daemon.once().unwrap();
+    let summary = daemon.once(&|| false).unwrap();
     assert_eq!((summary.restored.len(), summary.failed.len()), (1, 1), "{summary:?}");
     assert!(summary.failed[0].reason.contains("larger-photos"), "{:?}", summary.failed);
 }

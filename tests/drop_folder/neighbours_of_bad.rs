@@ -58,7 +58,7 @@ fn served(fault: Fault, bad: usize, watch_s: Option<f64>) -> (ModelDisk, Summary
     let mut daemon =
         Daemon::open(folders, setting(), &mut restorer, &clock, &calendar, &mut watcher).unwrap();
     let summary = match watch_s {
-        None => daemon.once().unwrap(),
+        None => daemon.once(&|| false).unwrap(),
         Some(seconds) => daemon.run(&|| clock.0.get() > seconds),
     };
     drop(daemon);

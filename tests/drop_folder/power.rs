@@ -141,7 +141,7 @@ pub fn live_in(nights: bool, contents: Contents, skip: Option<&Label>, poisoned:
             Daemon::open(folders, setting, &mut restorer, &clock, &calendar, &mut watcher)?;
         let mut daemon =
             if let Some(schedule) = schedule { daemon.scheduled(schedule) } else { daemon };
-        daemon.once()
+        daemon.once(&|| false)
     }));
     let end = lived.unwrap_or_else(|_| Ok(Summary::default()));
     disk.guarded_by(Box::new(|_, _| Ok(Verdict::Done)));

@@ -77,7 +77,7 @@ fn photos_go_oldest_first_and_each_outcome_is_notified() {
     let mut daemon =
         Daemon::open(folders, setting(), &mut restorer, &clock, &calendar, &mut watcher).unwrap();
     daemon = daemon.scheduled(Box::new(script));
-    daemon.once().unwrap();
+    daemon.once(&|| false).unwrap();
     let expected =
         ["before 4", "c.png is c.png", "before 3", "b.png is b.png", "before 2", "a.png is a.png"];
     let expected = expected.iter().chain(&["before 1", "broken.png failed", "idle"]);

@@ -5,7 +5,8 @@ use relens::chart::scenes::Scene;
 use relens::chart::table::Table;
 use relens::config::{Curve, RigFile};
 use relens::deconvolution::method::Method;
-use relens::pipeline::{digital, hybrid};
+use relens::deconvolution::method::digital::Digital;
+use relens::pipeline::hybrid;
 
 use crate::change::{
     Change, DECENTRED, NEARER, NOTHING, ONE_FUNCTION, SMEARED, VEIL_MEASURED, VEIL_MISSED,
@@ -93,7 +94,7 @@ pub(crate) fn measure(rig: &RigFile, (change, strength): Regime) -> Result<Row, 
     };
     let name = change.words(strength);
     log::info!("{name}");
-    let (digital, hybrid) = (mean(&digital(rig))?, hybrid(rig));
+    let (digital, hybrid) = (mean(&Digital::default())?, hybrid(rig));
     let (one, hybrid) = (mean(&one_capture(rig))?, mean(&hybrid)?);
     Ok(Row { name, photo, digital, one, hybrid })
 }

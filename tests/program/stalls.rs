@@ -18,14 +18,14 @@ use relens::daemon::{
 };
 use relens::disk::{Disk, FileKind, LocalDisk, Metadata, Unsynced};
 use relens::frame::{Frame, Plane, Size, Work};
-use relens::kiosk::attend::{ButtonLevel, LampRow, attend};
+use relens::kiosk::attend::attend;
 use relens::kiosk::front_panel::FrontPanel;
 use relens::kiosk::screen::Screen;
 use relens::picture::worker::Worker;
 use relens::picture::{Format, Manner, Photo, encode};
 use relens::pipeline::Outcome;
 use relens::remedy::{AnyFailure, Remediable, Remedy};
-use relens::rig::{Clock, Lamp, Moment, RigError};
+use relens::rig::{ButtonLevel, Clock, Lamp, LampRow, Moment, RigError};
 
 const RIG: Size = Size::new(64, 48);
 
@@ -312,7 +312,7 @@ fn a_hanging_worker_is_killed_and_its_photo_has_a_reason() {
     let setting = DaemonSetting { reader, ..setting() };
     let mut daemon =
         Daemon::open(folders, setting, &mut rig, &clock, &SystemTime::now, &mut watcher).unwrap();
-    let summary = daemon.once().unwrap();
+    let summary = daemon.once(&|| false).unwrap();
     let told: Vec<_> = summary.failed.iter().chain(&summary.deferred).collect();
     assert!(told.len() == 1 && told[0].reason.contains("no answer within 1 s"), "{summary:?}");
 }

@@ -3,7 +3,7 @@
 
 use std::process::Command;
 
-use relens::config::{MediaGraph, MediaLink, PadFormat, Stamps};
+use relens::config::{ExposureBy, MediaGraph, MediaLink, PadFormat, Stamps};
 use relens::frame::{Counts, Size};
 use relens::rig::camera::v4l2::{CameraName, CameraSettings, Exposure, V4l2Camera};
 use relens::rig::monotonic::Monotonic;
@@ -73,7 +73,7 @@ fn settings(graph: MediaGraph, code: &str, size: Size) -> CameraSettings {
         size,
         format: PixelFormat::from_code(code).expect("relens takes it"),
         buffers: 4,
-        exposure: Exposure::Elsewhere { exposure_ms: 0.0 },
+        exposure: Exposure { by: ExposureBy::Elsewhere, exposure_ms: 0.0 },
         gain: None,
         stamps: Stamps::Driver,
         free_running: true,

@@ -1,6 +1,6 @@
 //! A camera with faults on request: the kernel's vivid.
 
-use relens::config::Stamps;
+use relens::config::{ExposureBy, Stamps};
 use relens::frame::Size;
 use relens::rig::camera::v4l2::{CameraName, CameraSettings, Exposure, GainControl, V4l2Camera};
 use relens::rig::monotonic::Monotonic;
@@ -16,7 +16,7 @@ fn vivid() -> CameraSettings {
         size: Size::new(640, 480),
         format: PixelFormat::Grey(Samples::Bytes),
         buffers: 4,
-        exposure: Exposure::Elsewhere { exposure_ms: 0.0 },
+        exposure: Exposure { by: ExposureBy::Elsewhere, exposure_ms: 0.0 },
         gain: None,
         stamps: Stamps::Driver,
         free_running: true,

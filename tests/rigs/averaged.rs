@@ -165,7 +165,7 @@ fn an_unknown_gain_is_read_from_the_file_and_implausible_noise_is_ignored() {
     }
     // Exposed for a sixteenth of the time; the noise follows from the rig's.
     bed.noise = bed.noise.amplified(16.0);
-    assert_eq!(bed.devices.amplify_times(16.0).unwrap(), Some(16.0));
+    assert_eq!(bed.devices.camera.amplify_times(16.0).unwrap(), Some(16.0));
     assert!(bed.devices.expose_times(1.0 / 16.0).unwrap());
     let (photo, other) = (bed.take(1, 0), bed.take(1, 0));
     let present = noise_present(&photo, &other);

@@ -3,23 +3,23 @@
 use std::path::Path;
 use std::sync::Arc;
 
+use crate::computed_optics::ComputedOptics;
 use crate::npy::read_npy_f32;
 use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 use rand_xoshiro::Xoshiro256PlusPlus;
-use relens::deconvolution::computed_optics::ComputedOptics;
 use relens::deconvolution::data_term::TRUSTED;
 use relens::deconvolution::forward_convolution::{ForwardConvolution, Seen};
 use relens::deconvolution::lens_model::{LensFunctions, LensModel};
 use relens::deconvolution::level_norms::LevelNorms;
 use relens::deconvolution::method::blocks::Blocks;
-use relens::deconvolution::method::digital::{Colours, Digital};
+use relens::deconvolution::method::digital::Digital;
 use relens::deconvolution::method::hybrid::Hybrid;
 use relens::deconvolution::method::paper::{Backward, Paper};
 use relens::deconvolution::method::richardson_lucy::RichardsonLucy;
 use relens::deconvolution::method::total_variation::TotalVariation;
 use relens::deconvolution::method::wiener::Wiener;
-use relens::deconvolution::method::{Method, Problem, ResidualOf, Strength};
+use relens::deconvolution::method::{Method, Problem, ResidualOf};
 use relens::deconvolution::observation::{Developed, Observation};
 use relens::deconvolution::patches::PatchShape;
 use relens::frame::{Channel, Channels, Frame, Plane, Rect, Size, Work};
@@ -73,24 +73,10 @@ impl ForwardConvolution for FaultyOptics<'_> {
 }
 
 fn methods(patch_px: usize) -> Vec<Box<dyn Method>> {
-    let strength = Strength { at_one_grey_level: 0.1 };
-    let digital = Digital {
-        steps: 40,
-        strength,
-        levels: 2,
-        cycle_spun: true,
-        colours: Colours::Together,
-        blocks: None,
-    };
+    let strength = 0.1;
+    let digital = Digital { steps: 40, strength, levels: 2, blocks: None };
     let patches = PatchShape { patch_px, margin_px: 8 };
-    let hybrid = Hybrid {
-        digital,
-        correction_steps: 20,
-        captures_max: 12,
-        defect_threshold: 2.0,
-        defect_floor: 0.25,
-        carefulness: 25.0,
-    };
+    let hybrid = Hybrid { digital, correction_steps: 20, captures_max: 12 };
     vec![
         Box::new(Paper {
             iterations: 40,

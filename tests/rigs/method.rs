@@ -3,18 +3,18 @@
 use std::path::Path;
 use std::sync::Arc;
 
+use crate::computed_optics::ComputedOptics;
 use crate::npy::read_npy_f32;
-use relens::deconvolution::backward_convolution::{Sign, backward_convolution};
-use relens::deconvolution::computed_optics::ComputedOptics;
+use relens::deconvolution::backward_convolution::backward_convolution;
 use relens::deconvolution::data_term::TRUSTED;
 use relens::deconvolution::forward_convolution::ForwardConvolution;
 use relens::deconvolution::lens_model::{LensFunctions, LensModel};
 use relens::deconvolution::level_norms::LevelNorms;
 use relens::deconvolution::method::blocks::Blocks;
-use relens::deconvolution::method::digital::{Colours, Digital};
+use relens::deconvolution::method::digital::Digital;
 use relens::deconvolution::method::hybrid::Hybrid;
 use relens::deconvolution::method::paper::{Backward, Paper};
-use relens::deconvolution::method::{Method, Problem, Strength};
+use relens::deconvolution::method::{Method, Problem};
 use relens::deconvolution::observation::{Developed, Observation};
 use relens::deconvolution::patches::{PatchGrid, PatchShape};
 use relens::deconvolution::quality::ssim;
@@ -121,9 +121,7 @@ fn flip_fc_flip_equals_the_reference_for_every_patch_size() {
             PatchShape { patch_px, margin_px: 10.min(patch_px / 2) },
         );
         let frame = green_only(picture.clone());
-        let back =
-            backward_convolution(&mut optics, &frame, &grid, Channels::Green, Sign::Unsigned, None)
-                .unwrap();
+        let back = backward_convolution(&mut optics, &frame, &grid, Channels::Green).unwrap();
         let expected = golden(&format!("operator_flip{patch_px}_noguard.npy"));
         let distance = relative_distance(back.plane(GREEN), &expected);
         assert!(distance < 1e-4, "patch {patch_px}: relative distance {distance:.2e}");
@@ -144,37 +142,10 @@ fn flip_fc_flip_approaches_the_exact_adjoint_for_small_patches() {
         let shape = PatchShape { patch_px, margin_px: 10 };
         let grid = PatchGrid::new(size, Rect { x: 0, y: 0, size }, shape);
         let frame = green_only(picture.clone());
-        let back =
-            backward_convolution(&mut optics, &frame, &grid, Channels::Green, Sign::Unsigned, None)
-                .unwrap();
+        let back = backward_convolution(&mut optics, &frame, &grid, Channels::Green).unwrap();
         let distance = relative_distance(back.plane(GREEN), &exact);
         assert!(distance <= bound, "patch {patch_px}: {distance:.4} > {bound:.4}");
     }
-}
-
-#[test]
-fn a_pedestal_represents_negative_light_backward() {
-    let model = golden_model();
-    let signed = golden("operator_x.npy").map(|v: f32| (v - 120.0) * 0.1);
-    let size = signed.size();
-    let grid =
-        PatchGrid::new(size, Rect { x: 0, y: 0, size }, PatchShape { patch_px: 16, margin_px: 8 });
-    let flat = Frame::filled(size, 127.5);
-    let mut optics = ComputedOptics::new(&model, false);
-    use relens::deconvolution::forward_convolution::ForwardConvolution;
-    let pedestal = optics.forward(&flat).unwrap().light;
-    let sign = Sign::Pedestal { level: 127.5, gain: 4.0 };
-    let frame = green_only(signed);
-    let back =
-        backward_convolution(&mut optics, &frame, &grid, Channels::Green, sign, Some(&pedestal))
-            .unwrap();
-    // Computed optics accept negative light, so both ways must agree.
-    let mut ideal = ComputedOptics::new(&model, false);
-    let direct =
-        backward_convolution(&mut ideal, &frame, &grid, Channels::Green, Sign::Unsigned, None)
-            .unwrap();
-    assert!(relative_distance(back.plane(GREEN), direct.plane(GREEN)) < 1e-4);
-    assert_eq!(optics.captures(), 5);
 }
 
 #[test]
@@ -219,9 +190,8 @@ fn the_printed_threshold_is_half_of_the_proximal_one() {
 }
 
 fn digital() -> Digital {
-    let strength = Strength { at_one_grey_level: 0.1 };
-    let colours = Colours::Together;
-    Digital { steps: 30, strength, levels: 2, cycle_spun: true, colours, blocks: None }
+    let strength = 0.1;
+    Digital { steps: 30, strength, levels: 2, blocks: None }
 }
 
 #[test]
@@ -230,14 +200,7 @@ fn model_based_methods_sharpen_the_photo_and_count_captures() {
     let truth = golden("operator_x.npy");
     let case = Case::new(golden("ist_b.npy"), 0.3);
     let blurred = ssim(case.observation.light.plane(GREEN), &truth);
-    let hybrid = Hybrid {
-        digital: digital(),
-        correction_steps: 10,
-        captures_max: 3,
-        defect_threshold: 2.0,
-        defect_floor: 0.2,
-        carefulness: 25.0,
-    };
+    let hybrid = Hybrid { digital: digital(), correction_steps: 10, captures_max: 3 };
     let matched = Hybrid {
         digital: Digital { blocks: Some(Blocks { rounds: 4, model_error: [0.0; 3] }), ..digital() },
         ..hybrid
@@ -270,14 +233,7 @@ fn a_correct_model_is_unchanged_and_a_wrong_one_is_corrected() {
     let wrong = LensModel::new(Size::new(128, 96), 0, &functions).unwrap();
     let truth = golden("operator_x.npy");
     let case = Case::new(golden("ist_b.npy"), 0.3);
-    let hybrid = Hybrid {
-        digital: digital(),
-        correction_steps: 15,
-        captures_max: 3,
-        defect_threshold: 2.0,
-        defect_floor: 0.2,
-        carefulness: 25.0,
-    };
+    let hybrid = Hybrid { digital: digital(), correction_steps: 15, captures_max: 3 };
     let run = |model: &LensModel, method: &dyn Method| {
         let mut optics = ComputedOptics::new(&right, true);
         let solution = method.solve(&case.problem(model), &mut optics, &mut |_, _| {}).unwrap();

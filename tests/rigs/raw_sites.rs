@@ -4,9 +4,10 @@
 use relens::chart::scenes::Scene;
 use relens::config::{self, Kind};
 use relens::deconvolution::method::Method;
+use relens::deconvolution::method::digital::Digital;
 use relens::deconvolution::quality::{psnr, ssim};
 use relens::frame::{Channel, Channels, Frame, Mosaic, Plane, RawSites, Size, Work};
-use relens::pipeline::{PhotoData, Pipeline, Prepared, Verdict, digital, hybrid};
+use relens::pipeline::{PhotoData, Pipeline, Prepared, Verdict, hybrid};
 use relens::rig::simulated::{self, Witness};
 
 use crate::{load, measured};
@@ -98,8 +99,9 @@ fn what_raw_sites_are_worth() {
         // A photo keeps the lens's vignetting.
         let truth = cameras.behind[0].1.shaded(&truth);
         let mut by = |prepared: &Prepared<'_>| {
-            let restored =
-                pipeline.restore(&mut devices, prepared, &digital(&plain), &mut |_, _| {}).unwrap();
+            let restored = pipeline
+                .restore(&mut devices, prepared, &Digital::default(), &mut |_, _| {})
+                .unwrap();
             let own = score(&restored.solved.unwrap().picture, &truth);
             (own, format!("{:?}", restored.outcome.verdict))
         };
@@ -160,7 +162,7 @@ fn dark_areas_stay_free_of_stripes_in_a_strongly_blurred_channel() {
     let filled = raw.mosaic.interpolated(&light);
     let photo = pipeline.prepare(PhotoData::raw(&filled, RawSites::new(raw.mosaic, gain as f32)));
     let restored =
-        pipeline.restore(&mut devices, &photo, &digital(&plano), &mut |_, _| {}).unwrap();
+        pipeline.restore(&mut devices, &photo, &Digital::default(), &mut |_, _| {}).unwrap();
     assert_eq!(restored.outcome.verdict, Verdict::Sound, "{}", restored.outcome.reason);
     for of in restored.outcome.evidence.unwrap().channels {
         assert!(of.model < 0.6 * of.untouched, "{of:?}");
@@ -219,7 +221,7 @@ fn captures_behind_filters_are_valid_at_their_sites() {
         println!("{scored:.4?} {:?} {:?}", restored.outcome.verdict, solved.solution.certificate);
         (scored, solved.solution.certificate)
     };
-    let (alone, _) = by(&digital(&filtered));
+    let (alone, _) = by(&Digital::default());
     let (with_light, certificate) = by(&hybrid(&filtered));
     assert!(alone[1] > 33.0 && with_light[1] > alone[1] - 0.1, "{alone:?} {with_light:?}");
     assert!(certificate.ratio().unwrap() < 1.3, "{certificate:?}");

@@ -4,10 +4,11 @@
 use relens::chart::scenes::Scene;
 use relens::config::{self, Kind, Simulation, Subpixels};
 use relens::deconvolution::method::Method;
+use relens::deconvolution::method::digital::Digital;
 use relens::deconvolution::quality::{psnr, ssim};
 use relens::frame::{Channel, Channels, Frame, Plane, RawSites, Rect, Size, Work};
 use relens::picture::Tone;
-use relens::pipeline::{PhotoData, Pipeline, digital, hybrid};
+use relens::pipeline::{PhotoData, Pipeline, hybrid};
 use relens::rig::simulated::{self, Witness};
 
 use crate::{load, measured};
@@ -130,7 +131,7 @@ fn tried(
         let mut by = |method: &dyn Method| {
             pipeline.restore(&mut devices, &prepared, method, &mut |_, _| {}).unwrap()
         };
-        let (plain, light) = (with_digital.then(|| by(&digital(rig))), by(&hybrid(rig)));
+        let (plain, light) = (with_digital.then(|| by(&Digital::default())), by(&hybrid(rig)));
         let solved_score = |solved: &relens::pipeline::Restoration| {
             solved.solved.as_ref().map_or([0.0; 2], |solved| score(&solved.picture, &truth))
         };

@@ -112,7 +112,7 @@ mod tests {
     use super::*;
     use crate::calibration::Geometry;
     use crate::calibration::example::calibration;
-    use crate::frame::resample::{Outside, sample};
+    use crate::frame::resample::sample;
 
     fn picture() -> Frame<Work> {
         let value = |x: usize, y: usize| ((37 * x + 91 * y + x * y) % 101) as f32;
@@ -162,7 +162,7 @@ mod tests {
         // Light at a point of the panel: that of its pixel, which shows the picture at its centre.
         let light = |x: f64, y: f64| {
             let (x, y) = map.panel_to_work.at(x.round(), y.round());
-            sample(blue, x as f32 + 4.0, y as f32 + 4.0, Outside::Edge)
+            sample(blue, x as f32 + 4.0, y as f32 + 4.0)
         };
         const FINE: usize = 80;
         for (x, y) in [(12, 9), (20, 15), (23, 14), (31, 22)] {

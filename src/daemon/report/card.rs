@@ -62,7 +62,8 @@ pub(super) fn card(html: &mut String, photo: &GalleryPhoto<'_>, up: &str) {
     let name = escape(&report.photo);
     pair(html, photo, up);
     let _ = writeln!(html, "<h2 id=\"name-{number}\">{name}</h2>");
-    if is_smaller(report) {
+    let is_smaller = report.size.area() < report.stored.area();
+    if is_smaller && report.outcome == ResultKind::Restored {
         let _ = writeln!(
             html,
             "<p class=\"smaller\">Smaller than the photo: {} instead of {} pixels.</p>",
@@ -70,7 +71,7 @@ pub(super) fn card(html: &mut String, photo: &GalleryPhoto<'_>, up: &str) {
         );
     }
     let _ = writeln!(html, "<p class=\"state\">{}</p>", escape(&describe_outcome(report)));
-    if report.outcome == ResultKind::Untouched && report.size.area() < report.stored.area() {
+    if is_smaller && report.outcome == ResultKind::Untouched {
         let _ = writeln!(
             html,
             "<p class=\"quiet\">Shown here at {}; the file is unchanged, {} pixels.</p>",
@@ -112,10 +113,6 @@ fn pair(html: &mut String, photo: &GalleryPhoto<'_>, up: &str) {
     let (width, height) = displayed_size(report, report.size);
     let (before, after) = (escape(&report.before), escape(&report.after));
     let state = state(report.outcome);
-    let result_words = match report.outcome {
-        ResultKind::Restored => "restored",
-        ResultKind::Untouched => "unchanged",
-    };
     let _ = writeln!(
         html,
         "<article id=\"photo-{number}\" data-number=\"{number}\" data-state=\"{state}\" \
@@ -124,9 +121,9 @@ fn pair(html: &mut String, photo: &GalleryPhoto<'_>, up: &str) {
          <figure class=\"before\"><img src=\"{up}{before}\" alt=\"{name}, the photo\"{} \
          loading=\"lazy\" draggable=\"false\" width=\"{width}\" height=\"{height}\">\
          <figcaption>photo</figcaption></figure>\
-         <figure class=\"after\"><img src=\"{up}{after}\" alt=\"{name}, {result_words}\"{} \
+         <figure class=\"after\"><img src=\"{up}{after}\" alt=\"{name}, {state}\"{} \
          loading=\"lazy\" draggable=\"false\" width=\"{width}\" height=\"{height}\">\
-         {}<figcaption>{result_words}</figcaption></figure>{}<i></i>\
+         {}<figcaption>{state}</figcaption></figure>{}<i></i>\
          <input type=\"range\" min=\"0\" max=\"100\" value=\"50\" aria-valuetext=\"50 % of the \
          photo, 50 % of the result\" aria-label=\"Compare {name} with its result\"></div>",
         full_size_attribute(report, &report.before, up),
@@ -152,10 +149,6 @@ fn outlines(report: &Report) -> String {
         )
     };
     report.left_as_they_were.iter().map(outline).collect()
-}
-
-fn is_smaller(report: &Report) -> bool {
-    report.outcome == ResultKind::Restored && report.size.area() < report.stored.area()
 }
 
 /// The outcome in a sentence.

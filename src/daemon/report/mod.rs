@@ -26,7 +26,7 @@ pub(super) struct Reporter {
     gallery: Gallery,
     written: Option<Moment>,
     /// Whether the gallery shows results that were removed.
-    stale: bool,
+    pub(super) stale: bool,
     /// Photos without a result in the gallery as written.
     shown: (Vec<Failed>, Waiting),
     summary: Summary,
@@ -136,11 +136,6 @@ impl Reporter {
         {
             log::warn!("{}", full_message(&error));
         }
-    }
-
-    /// Whether the gallery shows results that were removed.
-    pub(super) fn is_stale(&self) -> bool {
-        self.stale
     }
 
     /// Writes the gallery.

@@ -75,11 +75,6 @@ pub struct State {
     pub written_unix_s: u64,
 }
 
-/// The error for a file of another program or version.
-fn not_a_state() -> Error {
-    Error::new(ErrorKind::InvalidData, "not a state file of this version of relens")
-}
-
 impl State {
     /// The state of a new daemon on the rig called `rig`.
     pub fn new(rig: &str, doing: Doing, written_unix_s: u64) -> State {
@@ -110,9 +105,10 @@ impl State {
         let path = root.join(NAME);
         let read = match std::fs::read(&path) {
             Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
-            read => {
-                read.and_then(|bytes| serde_json::from_slice(&bytes).map_err(|_| not_a_state()))
-            }
+            read => read.and_then(|bytes| {
+                let what = "not a state file of this version of relens";
+                serde_json::from_slice(&bytes).map_err(|_| Error::new(ErrorKind::InvalidData, what))
+            }),
         };
         read.map(Some).map_err(FileError::at("read the state", &path))
     }

@@ -94,7 +94,7 @@ impl DetailMask {
                 let flat = ((DETAILED - activity) / (DETAILED - FLAT)).clamp(0.0, 1.0);
                 1.0 + GROWTH * flat * flat * (3.0 - 2.0 * flat)
             });
-            of_level.data_mut().iter_mut().zip(ratios.data()).for_each(|(f, ratio)| *f *= ratio);
+            of_level.multiply(&ratios);
             factors.push(of_level);
         }
         DetailMask { factors, activity, peak }

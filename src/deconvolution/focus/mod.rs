@@ -68,11 +68,6 @@ impl<'a> FocusSeries<'a> {
         fits.then_some(FocusSeries { members })
     }
 
-    /// The offsets in dioptres, ascending.
-    pub fn offsets(&self) -> Vec<f32> {
-        self.members.iter().map(|member| member.0).collect()
-    }
-
     /// Estimates the focus of `photo`; `None` unless it differs significantly from the panel's.
     pub fn find(&self, photo: &FocusData<'_>) -> Option<FoundFocus> {
         let functions = self.members[0].1;

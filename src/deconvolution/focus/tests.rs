@@ -1,9 +1,8 @@
 //! Estimates from a photo's spectra, with a synthetic lens of longitudinal chromatic aberration.
 
 use super::*;
-use crate::deconvolution::computed_optics::ComputedOptics;
 use crate::deconvolution::data_term::{SATURATED, TRUSTED};
-use crate::deconvolution::forward_convolution::ForwardConvolution;
+use crate::deconvolution::forward_convolution::{ForwardConvolution, Seen};
 use crate::deconvolution::lens_model::LensModel;
 use crate::frame::{Channels, Frame, Mosaic, Plane, Rect, Size, Work};
 use rand::{RngExt, SeedableRng};
@@ -175,15 +174,37 @@ fn a_series_needs_the_panel_s_focus_and_one_grid() {
     assert!(FocusSeries::new(Vec::new()).is_none());
 }
 
+/// Captures computed by a lens model, and their number.
+struct ByModel(Arc<LensModel>, usize);
+
+impl ForwardConvolution for ByModel {
+    fn size(&self) -> Size {
+        SIZE
+    }
+
+    fn forward(&mut self, shown: &Frame<Work>) -> Result<Seen, crate::remedy::AnyFailure> {
+        self.1 += 1;
+        let light = self.0.seen(&Channel::ALL, shown);
+        Ok(Seen { light, trusted: Frame::filled(SIZE, TRUSTED) })
+    }
+
+    fn captures(&self) -> usize {
+        self.1
+    }
+
+    fn seconds(&self) -> f64 {
+        0.0
+    }
+}
+
 #[test]
 fn captures_are_converted_to_the_photo_s_focus() {
     let scene = scene(10);
     let [panel, photo] =
         [0.0, 0.05].map(|offset| Arc::new(LensModel::new(SIZE, 0, &gaussians(offset)).unwrap()));
-    let mut light = ComputedOptics::new(&panel, false);
-    let mut there = ComputedOptics::new(&photo, false);
+    let mut light = ByModel(Arc::clone(&panel), 0);
+    let mut there = ByModel(Arc::clone(&photo), 0);
     let ought = there.forward(&scene).unwrap().light;
-    let (panel, photo) = (Arc::clone(&panel), Arc::clone(&photo));
     let mut optics = OpticsAtFocus { inner: &mut light, panel, photo };
     let is = optics.forward(&scene).unwrap().light;
     for (is, ought) in is.planes().iter().zip(ought.planes()) {

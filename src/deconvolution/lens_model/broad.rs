@@ -297,13 +297,9 @@ impl Broad {
     /// d y, the input of Pᵀ and [`Broad::add_adjoint`]; `None` where d is 1.
     pub(super) fn before_adjoint(&self, y: &Plane) -> Option<Plane> {
         self.gain.as_ref().map(|gain| {
-            let mut scaled = Plane::zeros(y.size());
-            let stretches = (scaled.data_mut().par_chunks_mut(STRETCH))
-                .zip(y.data().par_chunks(STRETCH))
-                .zip(gain.data().par_chunks(STRETCH));
-            stretches.for_each(|((scaled, y), gain)| {
-                scaled.iter_mut().zip(y).zip(gain).for_each(|((s, v), d)| *s = v * d);
-            });
+            let mut scaled = y.clone();
+            let pixels = (scaled.data_mut(), gain.data()).into_par_iter();
+            pixels.with_min_len(STRETCH).for_each(|(value, gain)| *value *= gain);
             scaled
         })
     }

@@ -34,19 +34,6 @@ pub struct LensFunctions {
 }
 
 impl LensFunctions {
-    /// The mean: one function for the whole field.
-    pub fn mean(&self) -> LensFunctions {
-        let (area, count) = (self.support_px.pow(2), (self.rows * self.columns).max(1) as f32);
-        let taps = self.taps.each_ref().map(|taps| {
-            let mut mean = vec![0.0; area];
-            for function in taps.chunks_exact(area.max(1)) {
-                mean.iter_mut().zip(function).for_each(|(m, tap)| *m += tap / count);
-            }
-            mean
-        });
-        LensFunctions { rows: 1, columns: 1, support_px: self.support_px, taps }
-    }
-
     /// Linear interpolation from these functions (`share` 0) to `other` (1).
     ///
     /// # Panics

@@ -61,7 +61,7 @@ impl Blocks {
         let residual_of = |picture: &Frame<Work>| {
             problem.frame_of(|c| {
                 let mut seen = Plane::zeros(problem.size());
-                target.model.forward(c, picture.plane(c), &mut seen);
+                problem.model.forward(c, picture.plane(c), &mut seen);
                 let trust = observation.trust.plane(c);
                 data_term::residual_in_place(&mut seen, target.data.plane(c), trust);
                 seen
@@ -79,7 +79,7 @@ impl Blocks {
         });
         let errors: Vec<(Channel, f32)> = errors.collect();
         let passed =
-            channels.iter().map(|&c| Passed::of(target.model.functions(), c)).collect::<Vec<_>>();
+            channels.iter().map(|&c| Passed::of(problem.model.functions(), c)).collect::<Vec<_>>();
         let mut picture = start;
         for round in 0..self.rounds {
             let done = round as f32 / (self.rounds - 1).max(1) as f32;
@@ -155,11 +155,10 @@ fn filter_colours(
 
 /// argmin ‖K̂L − B‖² + `ratio` ‖L − `near`‖² from the `residual` K̂ near − B, by the local inverse.
 fn data_step(target: Target<'_>, c: Channel, near: &Plane, residual: &Plane, ratio: f32) -> Plane {
-    let Target { problem, model, .. } = target;
-    let observation = problem.observation;
+    let (observation, model) = (target.problem.observation, target.problem.model);
     let inverse = model.local_inverse(c, ratio, observation.density(c));
     let mut weighted = residual.clone();
-    data_term::scale(&mut weighted, observation.weight(c));
+    weighted.scale(observation.weight(c));
     let mut picture = Plane::zeros(near.size());
     model.invert(&inverse, &weighted, &mut picture);
     picture.data_mut().iter_mut().zip(near.data()).for_each(|(v, near)| *v = near - *v);

@@ -17,17 +17,16 @@ pub(super) struct Candidate {
 
 impl Candidate {
     /// Moves towards `corrected`, channel by channel, by the α that brings the photograph nearest
-    /// to the photo, at most `longest`. Both predictions are by `model`.
+    /// to the photo, at most `longest`.
     pub(super) fn step_towards(
         &mut self,
         corrected: &Candidate,
         problem: &Problem<'_>,
-        model: &LensModel,
         longest: f64,
     ) {
         for &c in problem.observation.channels.list() {
             let alpha = best_step(problem, c, &self.seen.light, &corrected.seen.light);
-            self.move_channel(c, corrected, alpha.min(longest) as f32, model);
+            self.move_channel(c, corrected, alpha.min(longest) as f32, problem.model);
         }
     }
 

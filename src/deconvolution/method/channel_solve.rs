@@ -37,12 +37,7 @@ impl ChannelSolve {
 
     /// Computes K̂ of the point.
     pub(super) fn predict(&mut self, target: Target<'_>) {
-        target.model.forward(self.channel, &self.point, &mut self.prediction);
-    }
-
-    /// Takes a known `prediction` of the point.
-    pub(super) fn set_prediction(&mut self, prediction: &Plane) {
-        self.prediction.clone_from(prediction);
+        target.problem.model.forward(self.channel, &self.point, &mut self.prediction);
     }
 
     /// The residual at the point, grey levels; before [`ChannelSolve::descend`].
@@ -68,23 +63,16 @@ impl ChannelSolve {
         if c == Channel::Green {
             self.residual_rms = data_term::rms_over_data(&self.prediction, trust);
         }
-        data_term::scale(&mut self.prediction, observation.weight(c));
-        target.model.adjoint(c, &self.prediction, stepped);
+        self.prediction.scale(observation.weight(c));
+        target.problem.model.adjoint(c, &self.prediction, stepped);
         self.hold(stepped);
         let steps = target.norms[c.index()].steps();
         prior.with_scratch(|scratch| {
             prior.shrinkage.scale_levels(stepped, &steps, shift, scratch);
         });
-        let stretches = stepped
-            .data_mut()
-            .par_chunks_mut(STRETCH)
-            .zip(self.point.data().par_chunks(STRETCH))
-            .zip(self.held.data().par_chunks(STRETCH));
-        stretches.for_each(|((step, from), held)| {
-            for ((s, y), held) in step.iter_mut().zip(from).zip(held) {
-                *s = if *held { *y } else { y - *s };
-            }
-        });
+        let pixels = (stepped.data_mut(), self.point.data(), self.held.data()).into_par_iter();
+        let pixels = pixels.with_min_len(STRETCH);
+        pixels.for_each(|(step, from, held)| *step = if *held { *from } else { from - *step });
     }
 
     /// Zeroes the `gradient` at pixels on a bound of light that it would lead past.
@@ -95,26 +83,19 @@ impl ChannelSolve {
     /// Bertsekas 1982, "Projected Newton methods for optimization problems with simple
     /// constraints").
     fn hold(&mut self, gradient: &mut Plane) {
-        let stretches = gradient
-            .data_mut()
-            .par_chunks_mut(STRETCH)
-            .zip(self.point.data().par_chunks(STRETCH))
-            .zip(self.held.data_mut().par_chunks_mut(STRETCH));
-        stretches.for_each(|((gradient, at), held)| {
-            for ((g, &y), held) in gradient.iter_mut().zip(at).zip(held) {
-                *held = (y <= 0.0 && *g > 0.0) || (y >= FULL_SCALE && *g < 0.0);
-                if *held {
-                    *g = 0.0;
-                }
+        let pixels = (gradient.data_mut(), self.point.data(), self.held.data_mut()).into_par_iter();
+        pixels.with_min_len(STRETCH).for_each(|(gradient, &at, held)| {
+            *held = (at <= 0.0 && *gradient > 0.0) || (at >= FULL_SCALE && *gradient < 0.0);
+            if *held {
+                *gradient = 0.0;
             }
         });
     }
 
     /// Clamps `stepped` to the bounds of light, and moves the point on with momentum.
     pub(super) fn advance(&mut self, stepped: &mut Plane) {
-        let stretches = stepped.data_mut().par_chunks_mut(STRETCH);
-        stretches
-            .for_each(|stretch| stretch.iter_mut().for_each(|v| *v = v.clamp(0.0, FULL_SCALE)));
+        let pixels = stepped.data_mut().par_iter_mut().with_min_len(STRETCH);
+        pixels.for_each(|v| *v = v.clamp(0.0, FULL_SCALE));
         self.momentum.next(&mut self.point, stepped);
     }
 }

@@ -6,7 +6,6 @@ use std::sync::{Mutex, PoisonError};
 
 use rayon::prelude::*;
 
-use super::Strength;
 use super::problem::Target;
 use super::wiener::Wiener;
 use crate::deconvolution::colour_axis::{AlongAxes, ColourAxes, Thresholds, width_px};
@@ -38,36 +37,20 @@ const NOISE_EXPONENT: f32 = 0.75;
 /// coffee, rocket and charts in ink.
 const START_THRESHOLD: f32 = 3.0;
 
-/// How the channels of a photo are solved.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Colours {
-    /// Together: start and prior see details along the axes of the photo's colours. As `Together`
-    /// where the data show no axes.
-    AlongAxes,
-    /// Together: the prior sees opponent colours.
-    Together,
-    /// Each by itself.
-    Apart,
-}
-
 /// The parameters of the prior.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct PriorSetting {
-    /// Soft threshold of each step.
-    pub(super) strength: Strength,
+    /// Soft threshold of each step at one grey level of noise.
+    pub(super) strength: f32,
     /// Wavelet levels.
     pub(super) levels: usize,
-    /// Whether the shrinkage is cycle-spun.
-    pub(super) cycle_spun: bool,
-    /// How the channels are solved.
-    pub(super) colours: Colours,
 }
 
 impl PriorSetting {
     /// The threshold of each level for a step of length 1, grey levels, by the rule for all levels;
     /// `noise` is the data's σ.
     fn common_thresholds(&self, noise: f32) -> impl Iterator<Item = f32> {
-        let base = self.strength.threshold(noise);
+        let base = super::soft_threshold(self.strength, noise);
         (0..self.levels).map(move |level| base * GROWTH_PER_LEVEL.powi(level as i32))
     }
 
@@ -110,10 +93,11 @@ struct Along<'a> {
 }
 
 impl<'a> Along<'a> {
-    fn new(axes: &'a ColourAxes, setting: &PriorSetting, target: Target<'a>) -> Along<'a> {
-        let Target { problem, model, norms, .. } = target;
+    fn new(axes: &'a ColourAxes, setting: PriorSetting, target: Target<'a>) -> Along<'a> {
+        let Target { problem, norms, .. } = target;
         let observation = problem.observation;
-        let weight = |c: Channel| observation.axis_weight(c);
+        // A site of any channel counts alike along an axis, relative to green's.
+        let weight = |c: Channel| observation.weight(Channel::Green) / observation.weight(c);
         let noise = Channel::ALL.map(|c| observation.pixel_noise(c) * weight(c).sqrt());
         let noise = (noise.iter().map(|v| v * v).sum::<f32>() / 3.0).sqrt();
         let passed = |l: usize| Channel::ALL.map(|c| weight(c) * norms[c.index()].at(l));
@@ -128,17 +112,17 @@ impl<'a> Along<'a> {
             texture_shares: finest.map(|(least, w)| least / w.max(f32::MIN_POSITIVE)).collect(),
             weights,
             passed: (0..setting.levels).map(passed).collect(),
-            starts: observation.sampling.axis_starts(width_px(model.functions())),
+            starts: observation.sampling.axis_starts(width_px(problem.model.functions())),
         }
     }
 }
 
 impl<'a> ColourPrior<'a> {
-    pub(super) fn new(setting: &PriorSetting, target: Target<'a>) -> Self {
+    pub(super) fn new(setting: PriorSetting, target: Target<'a>) -> Self {
         let Target { problem, mask, norms, axes, .. } = target;
         let observation = problem.observation;
         let channels = observation.channels.list();
-        let together = setting.colours != Colours::Apart && channels.len() == Channel::ALL.len();
+        let together = channels.len() == Channel::ALL.len();
         let thresholds = match together {
             true => opponent_thresholds(setting, observation, norms),
             false => {
@@ -152,10 +136,8 @@ impl<'a> ColourPrior<'a> {
         let luma = (together && axes.is_none())
             .then(|| observation.sampling.luma_prior(problem.size(), &thresholds[0]))
             .flatten();
-        let shrinkage =
-            super::shrinkage(problem.size(), setting.levels, setting.cycle_spun).in_clusters();
         ColourPrior {
-            shrinkage,
+            shrinkage: Shrinkage::new(problem.size(), setting.levels).in_clusters(),
             thresholds,
             together,
             along: axes.map(|axes| Along::new(axes, setting, target)),
@@ -194,32 +176,30 @@ impl<'a> ColourPrior<'a> {
     /// Refines a start along the axes: several times, its details are drawn to the axes, and
     /// Wiener's filter of its residual is added.
     pub(super) fn refine_start(&mut self, target: Target<'_>, picture: &mut Frame<Work>) {
-        let count = self.along.as_ref().map_or(0, |along| along.starts.count);
-        (0..count).for_each(|_| self.refine_start_once(target, picture));
-    }
-
-    fn refine_start_once(&mut self, target: Target<'_>, picture: &mut Frame<Work>) {
-        let Target { problem, model, data, mask, .. } = target;
+        let Target { problem, data, mask, .. } = target;
+        let model = problem.model;
         let Some(Along { axes, transforms, weights, passed, starts, .. }) = &mut self.along else {
             return;
         };
-        axes.project(picture, passed, transforms);
         let weights: Vec<f32> = weights.iter().map(|weight| START_THRESHOLD * weight).collect();
         let thresholds = Thresholds { weights: &weights, passed, mask };
-        transforms.shrink(picture.planes_mut(), axes, thresholds, (0, 0));
         let wiener = Wiener { noise_to_signal: starts.noise_to_signal };
         let observation = problem.observation;
         let clamp = |v: &mut f32| *v = v.clamp(0.0, FULL_SCALE);
-        picture.planes_mut().par_iter_mut().zip(Channel::ALL).for_each(|(plane, c)| {
-            plane.data_mut().iter_mut().for_each(clamp);
-            let mut residual = Plane::zeros(problem.size());
-            model.forward(c, plane, &mut residual);
-            let trust = observation.trust.plane(c);
-            data_term::residual_in_place(&mut residual, data.plane(c), trust);
-            let residual = observation.interpolate(c, residual);
-            plane.add_scaled(-1.0, &wiener.filter(observation, model, c, &residual));
-            plane.data_mut().iter_mut().for_each(clamp);
-        });
+        for _ in 0..starts.count {
+            axes.project(picture, passed, transforms);
+            transforms.shrink(picture.planes_mut(), axes, thresholds, (0, 0));
+            picture.planes_mut().par_iter_mut().zip(Channel::ALL).for_each(|(plane, c)| {
+                plane.data_mut().iter_mut().for_each(clamp);
+                let mut residual = Plane::zeros(problem.size());
+                model.forward(c, plane, &mut residual);
+                let trust = observation.trust.plane(c);
+                data_term::residual_in_place(&mut residual, data.plane(c), trust);
+                let residual = observation.interpolate(c, residual);
+                plane.add_scaled(-1.0, &wiener.filter(observation, model, c, &residual));
+                plane.data_mut().iter_mut().for_each(clamp);
+            });
+        }
     }
 
     /// Draws the `planes` of the solved channels towards the prior: `spun` over shifts, or at the
@@ -277,7 +257,7 @@ fn over_norms(weights: Vec<f32>, norms: &LevelNorms) -> Vec<f32> {
 /// The thresholds of each opponent colour. They mix the channels' steps, and the threshold goes
 /// with the shortest.
 fn opponent_thresholds(
-    setting: &PriorSetting,
+    setting: PriorSetting,
     observation: &Observation,
     norms: &[LevelNorms; 3],
 ) -> Vec<Vec<f32>> {

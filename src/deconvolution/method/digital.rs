@@ -19,14 +19,13 @@ use rayon::prelude::*;
 
 use super::blocks::{self, Blocks};
 use super::channel_solve::ChannelSolve;
-pub use super::colour_prior::Colours;
 use super::colour_prior::{ColourPrior, PriorSetting};
 use super::problem::{Certificate, Target};
 use super::record::Course;
 use super::wiener::Wiener;
 use super::{
-    About, IterationRecord, Method, MethodError, Problem, ResidualOf, Solution, Step, Strength,
-    Watch,
+    About, IterationRecord, Method, MethodError, Problem, ResidualOf, STRENGTH, Solution, Step,
+    WAVELET_LEVELS, Watch,
 };
 use crate::deconvolution::colour_axis::ColourAxes;
 use crate::deconvolution::detail_mask::DetailMask;
@@ -43,16 +42,19 @@ pub const SETTLING_STEPS: u32 = 3;
 pub struct Digital {
     /// Proximal steps.
     pub steps: u32,
-    /// Soft threshold of each step.
-    pub strength: Strength,
+    /// Soft threshold of each step at one grey level of noise, for a step of length 1, grey levels.
+    pub strength: f32,
     /// Wavelet levels.
     pub levels: usize,
-    /// Whether the shrinkage is cycle-spun.
-    pub cycle_spun: bool,
-    /// How the channels are solved.
-    pub colours: Colours,
     /// A stage with block matching after the steps.
     pub blocks: Option<Blocks>,
+}
+
+impl Default for Digital {
+    /// What rigs restore by: more steps gain nothing.
+    fn default() -> Digital {
+        Digital { steps: 16, strength: STRENGTH, levels: WAVELET_LEVELS, blocks: None }
+    }
 }
 
 /// The method's properties.
@@ -110,8 +112,7 @@ impl Digital {
         let observation = problem.observation;
         let mask = observation.detail_mask(self.levels);
         let has_axes = observation.channels.list().len() == Channel::ALL.len()
-            && observation.sampling.has_colour_axes()
-            && self.colours == Colours::AlongAxes;
+            && observation.sampling.has_colour_axes();
         let axes = has_axes.then(|| {
             let noise = observation.mean_noise();
             ColourAxes::of(problem.model, &observation.light, noise, self.levels)
@@ -128,14 +129,15 @@ impl Digital {
         watch: &mut Watch<'_>,
     ) -> (Frame<Work>, IterationRecord) {
         let (observation, axes) = (problem.observation, axes.as_ref());
-        let (model, norms) = (problem.model, problem.level_norms);
-        let target = Target { problem, model, data: &observation.light, mask, axes, norms };
+        let norms = problem.level_norms;
+        let target = Target { problem, data: &observation.light, mask, axes, norms };
         let noise_to_signal = observation.sampling.start_noise_factor() * START_NOISE_TO_SIGNAL;
-        let mut start = Wiener { noise_to_signal }.filter_photo(problem);
+        let wiener = Wiener { noise_to_signal };
+        let mut start = problem.frame_of(|c| wiener.filter_channel(problem, c));
         if axes.is_none() {
             return self.solve_from(target, Start::Guess(&start), watch);
         }
-        ColourPrior::new(&self.prior(), target).refine_start(target, &mut start);
+        ColourPrior::new(self.prior(), target).refine_start(target, &mut start);
         let steps = observation.sampling.steps_along_axes(self.steps);
         Digital { steps, ..*self }.solve_from(target, Start::Guess(&start), watch)
     }
@@ -155,18 +157,18 @@ impl Digital {
             Start::Picture { picture, prediction } => (picture, Some(prediction), 1),
         };
         let mut course = Course::new(problem.stopwatch);
-        let mut prior = ColourPrior::new(&self.prior(), target);
+        let mut prior = ColourPrior::new(self.prior(), target);
         let mut stepped: Vec<Plane> = channels.iter().map(|&c| picture.plane(c).clone()).collect();
         let solves = channels.iter().zip(&stepped);
         let mut solves: Vec<ChannelSolve> =
             solves.map(|(&c, start)| ChannelSolve::new(c, start)).collect();
-        let settling = if self.cycle_spun { SETTLING_STEPS.min(self.steps / 2) } else { 0 };
+        let settling = SETTLING_STEPS.min(self.steps / 2);
         let mut expected: Option<Frame<Work>> = None;
         for step in 1..=self.steps {
             let shift = prior.shrinkage.shift(step as usize);
             match prediction.take() {
                 Some(known) => {
-                    solves.iter_mut().for_each(|s| s.set_prediction(known.plane(s.channel)));
+                    solves.iter_mut().for_each(|s| s.prediction.clone_from(known.plane(s.channel)));
                 }
                 None => solves.par_iter_mut().for_each(|solve| solve.predict(target)),
             }
@@ -198,8 +200,7 @@ impl Digital {
     }
 
     fn prior(&self) -> PriorSetting {
-        let Digital { strength, levels, cycle_spun, colours, .. } = *self;
-        PriorSetting { strength, levels, cycle_spun, colours }
+        PriorSetting { strength: self.strength, levels: self.levels }
     }
 }
 

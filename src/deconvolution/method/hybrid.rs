@@ -35,13 +35,14 @@ use crate::frame::{Channel, Frame, Mosaic, Plane, Size, Work};
 /// errors where it is not (`tests/tables/truthful-wrong-models.md`).
 pub const CORRECTION_STEPS: u32 = 4;
 /// Soft threshold of the measured defect, in σ of its noise; measured.
-pub const DEFECT_THRESHOLD: f32 = 2.0;
+const DEFECT_THRESHOLD: f32 = 2.0;
 /// Defect, as a share of the noise floor in its largest channel, below which the model counts as
 /// right. Measured on the laboratory's group of limits: correcting less than 0.26 gains nothing or
 /// loses, from 0.3 on it gains (`tests/tables/README.md`).
-pub const DEFECT_FLOOR: f32 = 0.28;
-/// Factor by which a wrong model shortens the steps of a correction; measured.
-pub const CAREFULNESS: f32 = 25.0;
+const DEFECT_FLOOR: f32 = 0.28;
+/// Factor by which a wrong model shortens the steps of a correction: each level's α is at least
+/// this times the defect's share of the picture's power; measured.
+const CAREFULNESS: f32 = 25.0;
 /// Soft threshold of a defect at a mosaic's sites, in σ of the sensor's noise there.
 const SITES_THRESHOLD: f32 = 1.0;
 /// Largest α along a correction by wavelets, whose few steps do not go all the way. Beyond it the
@@ -65,13 +66,6 @@ pub struct Hybrid {
     /// Captures a photo may cost, at least 1. With 1 the first correction is not confirmed by
     /// light.
     pub captures_max: u32,
-    /// Soft threshold of the defect, in σ of its noise.
-    pub defect_threshold: f32,
-    /// Defect, as a share of the noise floor, below which the model counts as right.
-    pub defect_floor: f32,
-    /// Factor by which a wrong model shortens the steps of a correction: each level's α is at least
-    /// this times the defect's share of the picture's power.
-    pub carefulness: f32,
 }
 
 /// The method's properties.
@@ -110,19 +104,15 @@ impl Method for Hybrid {
                 break;
             }
             let seen = problem.capture(optics, &prediction, &picture)?;
+            let longest = if self.digital.blocks.is_some() { STEP_MAX_BY_BLOCKS } else { STEP_MAX };
             let corrected = Candidate { picture, prediction, seen, defect: Some(defect.light) };
-            candidate.step_towards(&corrected, problem, problem.model, self.longest_step());
+            candidate.step_towards(&corrected, problem, longest);
         }
         Ok(run.finish(candidate))
     }
 }
 
 impl Hybrid {
-    /// Largest α along a correction.
-    fn longest_step(&self) -> f64 {
-        if self.digital.blocks.is_some() { STEP_MAX_BY_BLOCKS } else { STEP_MAX }
-    }
-
     /// Power of the details of `plane`, level by level, finest first.
     fn detail_powers(&self, plane: &Plane) -> Vec<f64> {
         let transform = Sym8::new(plane.size(), self.digital.levels);
@@ -210,7 +200,7 @@ impl<'a> Run<'a> {
         let mut light = self.measure_defect(unexplained, candidate);
         let over_floor = |&c: &Channel| light.plane(c).rms() as f32 / problem.noise_floor(c);
         let size = channels.iter().map(over_floor).fold(0.0, f32::max);
-        let is_significant = size > self.method.defect_floor;
+        let is_significant = size > DEFECT_FLOOR;
         if !is_significant {
             // Block matching has not solved the first candidate yet.
             let is_unsolved = is_first && self.method.digital.blocks.is_some();
@@ -247,7 +237,7 @@ impl<'a> Run<'a> {
                 let noise = problem.capture_noise[channel.index()];
                 shrink_sites(plane, channel, mosaic, SITES_THRESHOLD * noise, &mut scratch);
             } else {
-                let thresholds = [self.method.defect_threshold * data_term::noise_of(plane)];
+                let thresholds = [DEFECT_THRESHOLD * data_term::noise_of(plane)];
                 shrinkage.shrink_everywhere(plane, &thresholds, None, 0, &mut scratch);
             }
             problem.observation.mask(channel, plane);
@@ -281,12 +271,11 @@ impl<'a> Run<'a> {
         let correction = Digital { steps, blocks, ..method.digital };
         let norms = &self.careful_norms(&candidate.picture, &defect.light);
         let PhotoStructure { mask, axes } = &self.structure;
-        let (model, axes) = (problem.model, axes.as_ref());
-        let target = Target { problem, model, data: &data, mask, axes, norms };
+        let target = Target { problem, data: &data, mask, axes: axes.as_ref(), norms };
         let start =
             Start::Picture { picture: &candidate.picture, prediction: &candidate.prediction };
         let (picture, steps) = correction.solve_from(target, start, watch);
-        let prediction = model.seen(self.channels(), &picture);
+        let prediction = problem.predict(&picture);
         let last = self.course.record.steps().last();
         let (captures, seconds) = last.map_or((0, 0.0), |last| (last.captures, last.seconds));
         self.course.extend(&steps, captures, seconds);
@@ -305,11 +294,10 @@ impl<'a> Run<'a> {
         let raised = self.channels().par_iter().map(|&c| {
             let wrong = method.detail_powers(defect.plane(c)).into_iter();
             let shares = wrong.zip(method.detail_powers(picture.plane(c)));
-            let least: Vec<f32> = shares
-                .map(|(wrong, shown)| {
-                    method.carefulness * (wrong / shown.max(f64::MIN_POSITIVE)) as f32
-                })
-                .collect();
+            let least = |(wrong, shown): (f64, f64)| {
+                CAREFULNESS * (wrong / shown.max(f64::MIN_POSITIVE)) as f32
+            };
+            let least: Vec<f32> = shares.map(least).collect();
             (c, norms[c.index()].at_least(&least))
         });
         let raised: Vec<(Channel, LevelNorms)> = raised.collect();

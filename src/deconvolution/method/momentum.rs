@@ -19,8 +19,7 @@ impl Momentum {
     }
 
     /// Moves `point`, at which the gradient was taken and led to `stepped`, to the next point.
-    /// Returns whether the momentum was restarted.
-    pub fn next(&mut self, point: &mut Plane, stepped: &Plane) -> bool {
+    pub fn next(&mut self, point: &mut Plane, stepped: &Plane) {
         let stretches = (point.data().par_chunks(STRETCH))
             .zip(stepped.data().par_chunks(STRETCH))
             .zip(self.previous.data().par_chunks(STRETCH));
@@ -31,17 +30,12 @@ impl Momentum {
         let t = if restart { 1.0 } else { self.t };
         let t_next = (1.0 + (1.0 + 4.0 * t * t).sqrt()) / 2.0;
         let weight = if restart { 0.0 } else { ((t - 1.0) / t_next) as f32 };
-        let stretches = (point.data_mut().par_chunks_mut(STRETCH))
-            .zip(self.previous.data_mut().par_chunks_mut(STRETCH))
-            .zip(stepped.data().par_chunks(STRETCH));
-        stretches.for_each(|((y, x_old), x)| {
-            for ((y, x_old), &x) in y.iter_mut().zip(x_old).zip(x) {
-                *y = x + weight * (x - *x_old);
-                *x_old = x;
-            }
+        let pixels = (point.data_mut(), self.previous.data_mut(), stepped.data()).into_par_iter();
+        pixels.with_min_len(STRETCH).for_each(|(y, x_old, &x)| {
+            *y = x + weight * (x - *x_old);
+            *x_old = x;
         });
         self.t = t_next;
-        restart
     }
 }
 

@@ -9,7 +9,7 @@ use super::brake::Brake;
 use super::problem::Certificate;
 use super::record::Course;
 use super::{About, Method, MethodError, Problem, ResidualOf, Solution, Watch};
-use crate::deconvolution::backward_convolution::{Sign, backward_convolution};
+use crate::deconvolution::backward_convolution::backward_convolution;
 use crate::deconvolution::forward_convolution::ForwardConvolution;
 use crate::deconvolution::patches::{PatchGrid, PatchShape};
 use crate::deconvolution::wavelet_shrinkage::{Shrinkage, ShrinkageScratch};
@@ -46,11 +46,6 @@ pub struct Paper {
 const STABLE_SHARE: f32 = 0.95;
 
 impl Paper {
-    /// τ for a ‖K‖² of `norm_squared`.
-    fn tau_of(&self, norm_squared: f32) -> f32 {
-        if self.bounded { self.tau.min(STABLE_SHARE / norm_squared) } else { self.tau }
-    }
-
     fn backward(
         &self,
         problem: &Problem<'_>,
@@ -60,8 +55,7 @@ impl Paper {
         match self.backward {
             Backward::Light(shape) => {
                 let grid = PatchGrid::new(problem.size(), problem.observation.rect, shape);
-                let (channels, sign) = (problem.observation.channels, Sign::Unsigned);
-                Ok(backward_convolution(optics, picture, &grid, channels, sign, None)?)
+                Ok(backward_convolution(optics, picture, &grid, problem.observation.channels)?)
             }
             Backward::Model => Ok(problem.frame_of(|c| {
                 let mut back = Plane::zeros(problem.size());
@@ -112,7 +106,9 @@ impl Method for Paper {
                 channels.list().iter().for_each(|&c| observation.mask(c, seen.plane_mut(c)));
                 let backward = self.backward(problem, optics, &seen)?;
                 for &channel in channels.list() {
-                    let tau = brake.step() * self.tau_of(problem.norm_squared[channel.index()]);
+                    let stable = STABLE_SHARE / problem.norm_squared[channel.index()];
+                    let tau = if self.bounded { self.tau.min(stable) } else { self.tau };
+                    let tau = brake.step() * tau;
                     let plane = picture.plane_mut(channel);
                     plane.add_scaled(-2.0 * tau, backward.plane(channel));
                     plane.add_scaled(2.0 * tau, backward_photo.plane(channel));

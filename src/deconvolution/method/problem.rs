@@ -140,13 +140,11 @@ impl<'a> Problem<'a> {
     }
 }
 
-/// One solve of a problem with the lens model: its data and lens may be corrected ones.
+/// One solve of a problem with the lens model: its data may be corrected ones.
 #[derive(Clone, Copy)]
 pub(super) struct Target<'a> {
     /// The problem.
     pub(super) problem: &'a Problem<'a>,
-    /// The lens.
-    pub(super) model: &'a LensModel,
     /// The data in place of B.
     pub(super) data: &'a Frame<Work>,
     /// The photo's detail mask.

@@ -8,17 +8,13 @@
 
 use super::record::Course;
 use super::{
-    About, IterationRecord, Method, MethodError, Momentum, Problem, ResidualOf, Solution, Strength,
-    Watch,
+    About, IterationRecord, Method, MethodError, Momentum, Problem, ResidualOf, STRENGTH, Solution,
+    Watch, soft_threshold,
 };
 use crate::deconvolution::data_term;
 use crate::deconvolution::forward_convolution::ForwardConvolution;
 use crate::frame::{Channel, FULL_SCALE, Plane, Size};
 
-/// Steps of the reference solution: the best of the chart of speed against accuracy.
-pub const STEPS: u32 = 40;
-/// Its strength over the wavelets' (likewise).
-pub const STRENGTH_FACTOR: f32 = 3.0;
 /// Dual steps in each proximal step; they continue from the last one's, so few suffice. Guess.
 const DUAL_STEPS: usize = 5;
 
@@ -27,8 +23,16 @@ const DUAL_STEPS: usize = 5;
 pub struct TotalVariation {
     /// Proximal steps.
     pub steps: u32,
-    /// μ, for steps of 1/‖K‖².
-    pub strength: Strength,
+    /// μ at one grey level of noise, for steps of 1/‖K‖².
+    pub strength: f32,
+}
+
+impl Default for TotalVariation {
+    /// The reference solution that results are judged by, since it keeps flat areas flat: the best
+    /// of the chart of speed against accuracy.
+    fn default() -> TotalVariation {
+        TotalVariation { steps: 40, strength: 3.0 * STRENGTH }
+    }
 }
 
 /// The method's properties.
@@ -61,17 +65,17 @@ impl Method for TotalVariation {
 }
 
 impl TotalVariation {
-    /// The light of the channel `c` of `problem`.
-    pub(crate) fn solve_one(&self, problem: &Problem<'_>, c: Channel) -> Plane {
-        self.solve_channel(problem, c).0
-    }
-
-    fn solve_channel(&self, problem: &Problem<'_>, c: Channel) -> (Plane, IterationRecord) {
+    /// The light of the channel `c` of `problem`, and its steps.
+    pub(crate) fn solve_channel(
+        &self,
+        problem: &Problem<'_>,
+        c: Channel,
+    ) -> (Plane, IterationRecord) {
         let mut course = Course::new(problem.stopwatch);
         let (observation, model) = (problem.observation, problem.model);
         let (data, trust) = (observation.light.plane(c), observation.trust.plane(c));
         let step = 1.0 / problem.norm_squared[c.index()];
-        let weight = step * self.strength.threshold(observation.pixel_noise(c));
+        let weight = step * soft_threshold(self.strength, observation.pixel_noise(c));
         let (mut point, mut stepped) = (data.clone(), data.clone());
         let (mut residual, mut gradient) = (data.clone(), data.clone());
         let mut momentum = Momentum::new(data);
@@ -80,7 +84,7 @@ impl TotalVariation {
             model.forward(c, &point, &mut residual);
             data_term::residual_in_place(&mut residual, data, trust);
             let rms = data_term::rms_over_data(&residual, trust);
-            data_term::scale(&mut residual, observation.weight(c));
+            residual.scale(observation.weight(c));
             model.adjoint(c, &residual, &mut gradient);
             stepped.clone_from(&point);
             stepped.add_scaled(-step, &gradient);

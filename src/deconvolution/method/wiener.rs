@@ -11,7 +11,7 @@ use crate::deconvolution::data_term::NOISE_MIN;
 use crate::deconvolution::forward_convolution::ForwardConvolution;
 use crate::deconvolution::lens_model::{LensFunctions, LensModel};
 use crate::deconvolution::observation::Observation;
-use crate::frame::{Channel, FULL_SCALE, Frame, Plane, Rect, Size, Work};
+use crate::frame::{Channel, FULL_SCALE, Plane, Rect, Size};
 
 /// Noise-to-signal power of the baseline at one grey level of noise: the study's best.
 pub const NOISE_TO_SIGNAL: f32 = 0.01;
@@ -52,12 +52,8 @@ impl Method for Wiener {
 }
 
 impl Wiener {
-    /// The photo filtered in the solved channels; black in others.
-    pub(super) fn filter_photo(&self, problem: &Problem<'_>) -> Frame<Work> {
-        problem.frame_of(|c| self.filter_channel(problem, c))
-    }
-
-    fn filter_channel(&self, problem: &Problem<'_>, channel: Channel) -> Plane {
+    /// One channel of the photo filtered.
+    pub(super) fn filter_channel(&self, problem: &Problem<'_>, channel: Channel) -> Plane {
         let observation = problem.observation;
         let blurred = observation.light.plane(channel);
         let mut picture = self.filter(observation, problem.model, channel, blurred);

@@ -44,10 +44,6 @@ impl Sampling for Jpeg {
         self.term.noise(channel)
     }
 
-    fn follows_prediction(&self) -> bool {
-        self.term.is_data()
-    }
-
     fn expected_data(&self, prediction: &Frame<Work>) -> Option<Frame<Work>> {
         self.term.is_data().then(|| self.term.redecoded(prediction))
     }

@@ -101,12 +101,6 @@ impl Observation {
         self.data_noise(channel) * self.weight(channel).sqrt()
     }
 
-    /// Weight of a site of `channel` along a colour axis, where a site of any channel counts alike,
-    /// relative to green's.
-    pub fn axis_weight(&self, channel: Channel) -> f32 {
-        self.weight(Channel::Green) / self.weight(channel)
-    }
-
     /// `plane`, valid at the data of `channel`, interpolated between them.
     pub fn interpolate(&self, channel: Channel, plane: Plane) -> Plane {
         match self.sampling.mosaic() {

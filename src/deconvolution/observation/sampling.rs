@@ -46,11 +46,6 @@ pub trait Sampling: std::fmt::Debug + Send + Sync {
         pixel_noise
     }
 
-    /// Whether the data depend on the prediction, all channels together.
-    fn follows_prediction(&self) -> bool {
-        false
-    }
-
     /// The data to expect where the forward model predicts `prediction` (on the canvas); `None`
     /// where the data do not depend on it.
     fn expected_data(&self, _prediction: &Frame<Work>) -> Option<Frame<Work>> {

@@ -23,7 +23,6 @@ pub struct Shrinkage {
     transform: Sym8,
     spinning: Spinning,
     clusters: bool,
-    spin: Vec<(usize, usize)>,
 }
 
 /// Buffers of [`Shrinkage`].
@@ -35,33 +34,13 @@ pub struct ShrinkageScratch {
 }
 
 impl Shrinkage {
-    /// Shrinkage of planes of `size` in `levels` levels, without shifts (the paper's).
+    /// Shrinkage of planes of `size` in `levels` levels.
     pub fn new(size: Size, levels: usize) -> Self {
         Shrinkage {
             transform: Sym8::new(size, levels).parallel(),
             spinning: Spinning::new(size, levels),
             clusters: false,
-            spin: vec![(0, 0)],
         }
-    }
-
-    /// The same with another shift at each step of [`Shrinkage::apply`], in a fixed order in which
-    /// any few consecutive shifts are spread evenly over the period of the coarsest level.
-    #[must_use]
-    pub fn cycle_spun(mut self) -> Self {
-        let period = 1usize << self.transform.levels();
-        // Bit-reversed counting along both axes: the first 2ᵏ are evenly spread.
-        let reversed = |n: usize| {
-            let bits = self.transform.levels();
-            (0..bits).map(|b| (n >> b & 1) << (bits - 1 - b)).sum::<usize>()
-        };
-        self.spin = (0..period * period)
-            .map(|n| {
-                let (row, column) = deinterleave(n);
-                (reversed(column ^ row), reversed(row))
-            })
-            .collect();
-        self
     }
 
     /// The same with details shrunk by the power of their neighbourhood: edges are clusters of
@@ -71,25 +50,18 @@ impl Shrinkage {
         Shrinkage { clusters: true, ..self }
     }
 
-    /// Size of the planes.
-    pub fn size(&self) -> Size {
-        self.transform.size()
-    }
-
-    /// The shift (columns, rows) of step `step_index`.
+    /// The shift (columns, rows) of step `step_index`, in a fixed order in which any few
+    /// consecutive shifts are spread evenly over the period of the coarsest level.
     pub fn shift(&self, step_index: usize) -> (usize, usize) {
-        self.spin[step_index % self.spin.len()]
-    }
-
-    /// Shrinks all details of `plane` by `threshold` grey levels, at the shift of `step_index`.
-    pub fn apply(
-        &self,
-        plane: &mut Plane,
-        threshold: f32,
-        step_index: usize,
-        scratch: &mut ShrinkageScratch,
-    ) {
-        self.shrink(plane, threshold, self.shift(step_index), scratch);
+        let bits = self.transform.levels();
+        // The even and the odd bits of the index, counted bit-reversed: the first 2ᵏ are evenly
+        // spread.
+        let reversed = |every_second: usize| {
+            let bit = |b: usize| (every_second >> (2 * b) & 1) << (bits - 1 - b);
+            (0..bits).map(bit).sum::<usize>()
+        };
+        let (row, column) = (reversed(step_index), reversed(step_index >> 1));
+        (column ^ row, row)
     }
 
     /// Shrinks all details of `plane`, shifted by `shift`, by `threshold` grey levels.
@@ -189,12 +161,6 @@ fn shrink_band(
         true => clusters::shrink(band, threshold, factors, rows),
         false => band.data_mut().iter_mut().for_each(|v| *v -= v.clamp(-threshold, threshold)),
     }
-}
-
-/// The even and odd bits of `n` as two numbers.
-fn deinterleave(n: usize) -> (usize, usize) {
-    let every_second = |n: usize| (0..16).map(|b| (n >> (2 * b) & 1) << b).sum();
-    (every_second(n), every_second(n >> 1))
 }
 
 #[cfg(test)]

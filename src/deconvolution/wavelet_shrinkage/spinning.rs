@@ -100,15 +100,9 @@ impl Spinning {
             free.lock().unwrap_or_else(PoisonError::into_inner).push(levels);
         });
         let [a, b, c, d] = &shrunk[..] else { return };
-        let stretches = plane.data_mut().par_chunks_mut(STRETCH).enumerate();
-        stretches.for_each(|(n, mean)| {
-            let [a, b, c, d] =
-                [a, b, c, d].map(|shrunk| &shrunk.data()[n * STRETCH..][..mean.len()]);
-            let four = (a.iter().zip(b)).zip(c.iter().zip(d));
-            mean.iter_mut()
-                .zip(four)
-                .for_each(|(m, ((a, b), (c, d)))| *m = 0.25 * ((a + b) + (c + d)));
-        });
+        let pixels = (plane.data_mut(), a.data(), b.data(), c.data(), d.data()).into_par_iter();
+        let mean = pixels.with_min_len(STRETCH);
+        mean.for_each(|(mean, a, b, c, d)| *mean = 0.25 * ((a + b) + (c + d)));
     }
 
     /// `scratch[0].sum` = the sum of `plane`, the input of level `level`, shrunk at each of

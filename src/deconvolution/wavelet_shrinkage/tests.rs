@@ -89,7 +89,7 @@ fn scratch_of_another_size_is_accepted() {
     let (mut a, mut b) = (x.clone(), x);
     let shrinkage = Shrinkage::new(a.size(), 3);
     shrinkage.shrink(&mut a, 2.0, (0, 0), &mut scratch);
-    shrinkage.apply(&mut b, 2.0, 0, &mut ShrinkageScratch::default());
+    shrinkage.shrink(&mut b, 2.0, (0, 0), &mut ShrinkageScratch::default());
     assert!(largest_difference(&a, &b) < 1e-5);
 }
 

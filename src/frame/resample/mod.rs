@@ -1,4 +1,4 @@
-//! Bicubic resampling of a plane: at given positions ([`warp`], [`sample`]), and to another size
+//! Bicubic resampling of a plane: at given positions ([`warp`]), and to another size
 //! (`resize`).
 //!
 //! The kernel is Keys' cubic convolution ("Cubic convolution interpolation for digital image
@@ -11,15 +11,6 @@ pub use resize::resize;
 
 use super::Plane;
 use super::instructions::{Kernel, multiply_add, run_fastest};
-
-/// Values of pixels outside the plane.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Outside {
-    /// The nearest pixel of the border.
-    Edge,
-    /// Black.
-    Zero,
-}
 
 /// Keys' free parameter.
 const KEYS_A: f32 = -0.5;
@@ -48,19 +39,19 @@ fn weights<const FUSED: bool>(cubics: &[[f32; 4]; 4], t: f32) -> [f32; 4] {
     weights
 }
 
-/// Value of `plane` at column `x`, row `y` (pixel centres are integers); zero if a position is not
-/// finite or the plane is empty.
-pub fn sample(plane: &Plane, x: f32, y: f32, outside: Outside) -> f32 {
-    sample_by(&CUBICS, plane, x, y, outside)
+/// Value of `plane` at column `x`, row `y` (pixel centres are integers), whose border repeats
+/// outside; zero if a position is not finite or the plane is empty.
+pub fn sample(plane: &Plane, x: f32, y: f32) -> f32 {
+    sample_by(&CUBICS, plane, x, y)
 }
 
-fn sample_by(cubics: &[[f32; 4]; 4], plane: &Plane, x: f32, y: f32, outside: Outside) -> f32 {
+fn sample_by(cubics: &[[f32; 4]; 4], plane: &Plane, x: f32, y: f32) -> f32 {
     let (width, height) = (plane.width() as isize, plane.height() as isize);
     if !(x.is_finite() && y.is_finite()) || width == 0 || height == 0 {
         return 0.0;
     }
-    let (columns, wx) = border_taps(cubics, width, x, outside);
-    let (rows, wy) = border_taps(cubics, height, y, outside);
+    let (columns, wx) = border_taps(cubics, width, x);
+    let (rows, wy) = border_taps(cubics, height, y);
     let mut total = 0.0;
     for (&row, &weight) in rows.iter().zip(&wy) {
         let row = plane.row(row);
@@ -71,53 +62,33 @@ fn sample_by(cubics: &[[f32; 4]; 4], plane: &Plane, x: f32, y: f32, outside: Out
 
 /// The four taps around `place` on a side of `length` pixels, and their weights.
 #[inline(always)]
-fn border_taps(
-    cubics: &[[f32; 4]; 4],
-    length: isize,
-    place: f32,
-    outside: Outside,
-) -> ([usize; 4], [f32; 4]) {
+fn border_taps(cubics: &[[f32; 4]; 4], length: isize, place: f32) -> ([usize; 4], [f32; 4]) {
     // Clamping keeps the arithmetic in range; all taps are outside there anyway.
     let place = place.clamp(-4.0, length as f32 + 3.0);
     // The offset of 5 makes truncation equal rounding down: `floor` is a library call on baseline
     // x86-64.
     let first = (place + 5.0) as isize - 6;
-    let mut weights = weights::<false>(cubics, place - (first + 1) as f32);
-    let mut taps = [0; 4];
-    for (j, tap) in taps.iter_mut().enumerate() {
-        let wanted = first + j as isize;
-        let inside = wanted.clamp(0, length - 1);
-        if wanted != inside && outside == Outside::Zero {
-            weights[j] = 0.0;
-        }
-        *tap = inside as usize;
-    }
-    (taps, weights)
+    let weights = weights::<false>(cubics, place - (first + 1) as f32);
+    ([0, 1, 2, 3].map(|n| (first + n).clamp(0, length - 1) as usize), weights)
 }
 
-/// Sets `out`(i, j) to [`sample`] of `source` at column `map_x`(i, j), row `map_y`(i, j).
+/// Sets `out`(i, j) to the value of `source`, whose border repeats outside, at column
+/// `map_x`(i, j), row `map_y`(i, j).
 ///
 /// # Panics
 /// When the maps and `out` differ in size.
-pub fn warp(source: &Plane, map_x: &Plane, map_y: &Plane, outside: Outside, out: &mut Plane) {
+pub fn warp(source: &Plane, map_x: &Plane, map_y: &Plane, out: &mut Plane) {
     assert!(
         map_x.size() == out.size() && map_y.size() == out.size(),
         "maps and output have one size"
     );
-    run_fastest(Warp {
-        source,
-        map_x: map_x.data(),
-        map_y: map_y.data(),
-        outside,
-        out: out.data_mut(),
-    });
+    run_fastest(Warp { source, map_x: map_x.data(), map_y: map_y.data(), out: out.data_mut() });
 }
 
 struct Warp<'a> {
     source: &'a Plane,
     map_x: &'a [f32],
     map_y: &'a [f32],
-    outside: Outside,
     out: &'a mut [f32],
 }
 
@@ -127,7 +98,7 @@ const AT_A_TIME: usize = 8;
 impl Kernel for Warp<'_> {
     #[inline(always)]
     fn run<const FUSED: bool>(self) {
-        let Warp { source, map_x, map_y, outside, out } = self;
+        let Warp { source, map_x, map_y, out } = self;
         let whole = out.len() - out.len() % AT_A_TIME;
         for start in (0..whole).step_by(AT_A_TIME) {
             let mut x = [0.0; AT_A_TIME];
@@ -139,12 +110,12 @@ impl Kernel for Warp<'_> {
                 values.copy_from_slice(&inner::<FUSED>(source.data(), source.width(), &x, &y));
             } else {
                 for i in 0..AT_A_TIME {
-                    values[i] = sample(source, x[i], y[i], outside);
+                    values[i] = sample(source, x[i], y[i]);
                 }
             }
         }
         for i in whole..out.len() {
-            out[i] = sample(source, map_x[i], map_y[i], outside);
+            out[i] = sample(source, map_x[i], map_y[i]);
         }
     }
 }

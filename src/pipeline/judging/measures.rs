@@ -10,7 +10,7 @@
 //! | light gained or lost | captures of a panel that is not as bright as it was |
 //!
 //! The *reference solution* is total variation's with the measured lens
-//! ([`crate::pipeline::reference_solution`]): no capture goes into it, and flat parts stay flat.
+//! ([`TotalVariation::default`]): no capture goes into it, and flat parts stay flat.
 
 use super::distance::{Compared, lightness};
 use super::evidence::{Evidence, Residuals, unexplained_product};

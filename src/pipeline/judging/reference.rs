@@ -56,7 +56,7 @@ impl Pipeline {
         let decoded = expected.as_ref().unwrap_or(observation);
         let short = TotalVariation { steps: SHORT_STEPS, ..self.reference };
         let light = self.pose(photo, |problem| {
-            short.solve_one(&Problem { observation: decoded, ..*problem }, worst)
+            short.solve_channel(&Problem { observation: decoded, ..*problem }, worst).0
         });
         let mut seen = Plane::zeros(light.size());
         lens.forward(worst, &light, &mut seen);

@@ -6,8 +6,6 @@
 use std::collections::VecDeque;
 use std::sync::Arc;
 
-use rayon::prelude::*;
-
 use super::faults::{self, Fault};
 use super::optics::{Light, Optics};
 use super::panel::{self, Projection, Shading, approach};
@@ -16,7 +14,7 @@ use super::sensor::SimulatedSensor;
 use super::stripes::Beat;
 use super::unrest;
 use super::wear::Wear;
-use crate::config::{CameraTable, DisplayTable, Faults, PanelTable, Unrest};
+use crate::config::{CameraTable, DisplayTable, Faults, PanelTable, RigFile, Simulation, Unrest};
 use crate::frame::{Channel, Codes, Counts, Frame, Plane, Rect, Size};
 use crate::rig::{Exposed, Flip, Moment, RigError};
 
@@ -78,44 +76,34 @@ pub(super) struct OpticalBench {
     away_until_s: Option<f64>,
 }
 
-/// Initial state of a bench.
-pub(super) struct Parts {
-    pub(super) optics: Arc<Optics>,
-    pub(super) projection: Projection,
-    pub(super) sensor: SimulatedSensor,
-    pub(super) faults: Faults,
-    pub(super) panel: PanelTable,
-    pub(super) camera: CameraTable,
-    pub(super) display: DisplayTable,
-    pub(super) shading: Option<Shading>,
-    pub(super) beat: Option<Beat>,
-    pub(super) unrest: Unrest,
-    pub(super) seed: u64,
-}
-
 impl OpticalBench {
-    /// A bench with a black panel at time 0.
-    pub(super) fn new(parts: Parts) -> OpticalBench {
-        let Parts { optics, projection, sensor, faults, panel, camera, .. } = parts;
-        let Parts { display, shading, beat, unrest, seed, .. } = parts;
+    /// The bench of `rig`, whose panel is black and in the place of `map`, at time 0.
+    pub(super) fn new(
+        rig: &RigFile,
+        simulation: &Simulation,
+        optics: Arc<Optics>,
+        map: &PanelMap,
+    ) -> OpticalBench {
+        let (panel, display) = (rig.panel.clone(), simulation.display.clone());
         let black = Picture { codes: Arc::new(Frame::zeros(panel.size())), light: None };
+        let projection = Projection::new(map, optics.grid(), optics.pad);
         OpticalBench {
             response: [0, 1, 2].map(|channel| panel::response(&display, channel)),
             flat: [None, None, None],
             veil: [None, None, None],
-            beat,
-            shading,
-            unrest,
+            beat: Beat::new(&panel, &optics, map, &projection),
+            shading: Shading::new(&display.uneven, map, panel.size()),
+            unrest: simulation.unrest,
             wandered_px: [0.0; 2],
             moved_px: [0.0; 2],
             optics,
             projection,
-            sensor,
-            faults,
+            sensor: SimulatedSensor::new(&simulation.sensor, &rig.camera),
+            faults: simulation.faults,
             panel,
-            camera,
+            camera: rig.camera.clone(),
             display,
-            seed,
+            seed: simulation.seed,
             wear: Wear::default(),
             worn_s: 0.0,
             dead_pixels: Vec::new(),
@@ -162,14 +150,10 @@ impl OpticalBench {
     }
 
     /// Replaces the light path after a change of the panel's place or the lens's focus.
-    pub(super) fn set_light_path(
-        &mut self,
-        optics: Arc<Optics>,
-        map: &PanelMap,
-        projection: Projection,
-    ) {
-        self.beat = Beat::new(&self.panel, &optics, map, &projection);
-        (self.optics, self.projection) = (optics, projection);
+    pub(super) fn set_light_path(&mut self, optics: Arc<Optics>, map: &PanelMap) {
+        self.projection = Projection::new(map, optics.grid(), optics.pad);
+        self.beat = Beat::new(&self.panel, &optics, map, &self.projection);
+        self.optics = optics;
         self.forget_light();
     }
 
@@ -211,15 +195,9 @@ impl OpticalBench {
         let change_s = flip_s + latency_s;
         // When the change begins, the panel may still be approaching the previous picture.
         let share = 1.0 - (-(change_s - self.change_s) / (self.display.response_ms / 1000.0)).exp();
-        if share < ARRIVED {
-            let light = self.mixed_light(share);
-            self.before = Picture {
-                codes: Arc::clone(&self.now.codes),
-                light: Some((Arc::new(light), None)),
-            };
-        } else {
-            self.before = self.now.clone();
-        }
+        let between = (share < ARRIVED).then(|| (Arc::new(self.mixed_light(share)), None));
+        self.before = self.now.clone();
+        self.before.light = between.or(self.before.light.take());
         self.now = Picture { codes: Arc::new(codes.clone()), light: None };
         self.change_s = change_s;
         Ok(Flip { at: Moment(flip_s), vblank })
@@ -368,30 +346,24 @@ impl OpticalBench {
                 self.veil[c] = Some(self.through(channel, &shading.veil));
             }
         }
-        let this: &OpticalBench = self;
-        let planes: Vec<Plane> = Channel::ALL
-            .par_iter()
-            .map(|&channel| {
-                let (c, codes) = (channel.index(), codes.plane(channel));
-                let mut light = match (uniform(codes), &this.flat[c]) {
-                    // Most planes of a calibration are uniform: one picture, scaled.
-                    (Some(code), Some(flat)) => {
-                        let level = this.response[c][usize::from(code)] / 255.0;
-                        flat.map(|v| v * level)
-                    }
-                    _ => this.through(channel, &this.emitted(channel, codes)),
-                };
-                if let Some(veil) = &this.veil[c] {
-                    light.add_scaled(1.0, veil);
+        Channel::ALL.map(|channel| {
+            let (c, codes) = (channel.index(), codes.plane(channel));
+            let mut light = match (uniform(codes), &self.flat[c]) {
+                // Most planes of a calibration are uniform: one picture, scaled.
+                (Some(code), Some(flat)) => {
+                    let level = self.response[c][usize::from(code)] / 255.0;
+                    flat.map(|v| v * level)
                 }
-                if let Some(beat) = &this.beat {
-                    beat.apply(&mut light, channel, this.projection.offset_px(this.moved_px)[0]);
-                }
-                light
-            })
-            .collect();
-        let mut planes = planes.into_iter();
-        std::array::from_fn(|_| planes.next().unwrap_or_else(|| Plane::zeros(this.optics.sensor)))
+                _ => self.through(channel, &self.emitted(channel, codes)),
+            };
+            if let Some(veil) = &self.veil[c] {
+                light.add_scaled(1.0, veil);
+            }
+            if let Some(beat) = &self.beat {
+                beat.apply(&mut light, channel, self.projection.offset_px(self.moved_px)[0]);
+            }
+            light
+        })
     }
 
     /// Light emitted by the panel's pixels, without its veil.
@@ -400,8 +372,7 @@ impl OpticalBench {
         let mut light = codes.map(|code| response[usize::from(code)]);
         self.dead_pixels.iter().for_each(|&n| light.data_mut()[n] = response[0]);
         if let Some(shading) = &self.shading {
-            let gain = shading.gain[channel.index()].data();
-            light.data_mut().iter_mut().zip(gain).for_each(|(light, gain)| *light *= gain);
+            light.multiply(&shading.gain[channel.index()]);
         }
         light
     }
@@ -415,14 +386,9 @@ impl OpticalBench {
         let blurred = optics.through_lens(Light::Panel, channel, &on_grid);
         let mut seen = blurred.crop(Rect { x: optics.pad, y: optics.pad, size: optics.sensor });
         let falloff = &optics.dark_corner(Light::Panel)[channel.index()];
-        for (value, share) in seen.data_mut().iter_mut().zip(falloff.data()) {
-            *value *= share;
-        }
+        seen.multiply(falloff);
         if let Some(dust) = &self.dust {
-            seen.data_mut()
-                .iter_mut()
-                .zip(dust.data())
-                .for_each(|(value, passed)| *value *= passed);
+            seen.multiply(dust);
         }
         seen
     }

@@ -37,12 +37,12 @@ impl Axis {
         (1.0 - (t - n as f64).abs()).max(0.0)
     }
 
-    /// First pixel with a weight of node `n` and its weights from there on, over `length` pixels.
-    fn span(&self, n: usize, length: usize) -> (usize, Vec<f32>) {
+    /// The part of a frame of `length` pixels that node `n` weighs.
+    fn span(&self, n: usize, length: usize) -> Span {
         let weights: Vec<f32> = (0..length).map(|x| self.weight(n, x as f64) as f32).collect();
         let start = weights.iter().position(|&w| w > 0.0).unwrap_or(0);
         let end = weights.iter().rposition(|&w| w > 0.0).map_or(start, |last| last + 1);
-        (start, weights[start..end].to_vec())
+        Span { start, weights: weights[start..end].to_vec() }
     }
 }
 
@@ -68,7 +68,6 @@ struct TileScratch {
     row: Vec<f32>,
     line: Vec<Complex<f32>>,
     spectrum: Vec<Complex<f32>>,
-    work: Vec<Complex<f32>>,
 }
 
 impl TileTransform {
@@ -89,18 +88,11 @@ impl TileTransform {
     }
 
     fn scratch(&self) -> TileScratch {
-        let work = [
-            self.forward_rows.get_scratch_len(),
-            self.inverse_rows.get_scratch_len(),
-            self.forward_columns.get_inplace_scratch_len(),
-            self.inverse_columns.get_inplace_scratch_len(),
-        ];
         let zero = Complex::default();
         TileScratch {
             row: vec![0.0; self.width],
             line: vec![zero; self.bins()],
             spectrum: vec![zero; self.bins() * self.height],
-            work: vec![zero; work.into_iter().max().unwrap_or(0)],
         }
     }
 
@@ -116,23 +108,17 @@ impl TileTransform {
             scratch.row.fill(0.0);
             fill(y, &mut scratch.row);
             // Cannot fail, since the lengths are those of the plan.
-            let work = &mut scratch.work[..self.forward_rows.get_scratch_len()];
-            if self
-                .forward_rows
-                .process_with_scratch(&mut scratch.row, &mut scratch.line, work)
-                .is_ok()
-            {
-                for (bin, &value) in scratch.line.iter().enumerate() {
-                    scratch.spectrum[bin * self.height + y] = value;
-                }
+            let _ = self.forward_rows.process(&mut scratch.row, &mut scratch.line);
+            for (bin, &value) in scratch.line.iter().enumerate() {
+                scratch.spectrum[bin * self.height + y] = value;
             }
         }
-        self.forward_columns.process_with_scratch(&mut scratch.spectrum, &mut scratch.work);
+        self.forward_columns.process(&mut scratch.spectrum);
     }
 
     /// Transforms `scratch.spectrum` back and passes the first `rows` rows to `take`.
     fn inverse(&self, scratch: &mut TileScratch, rows: usize, mut take: impl FnMut(usize, &[f32])) {
-        self.inverse_columns.process_with_scratch(&mut scratch.spectrum, &mut scratch.work);
+        self.inverse_columns.process(&mut scratch.spectrum);
         for y in 0..rows {
             for (bin, value) in scratch.line.iter_mut().enumerate() {
                 *value = scratch.spectrum[bin * self.height + y];
@@ -142,14 +128,8 @@ impl TileTransform {
             if self.width.is_multiple_of(2) {
                 scratch.line[self.width / 2].im = 0.0;
             }
-            let work = &mut scratch.work[..self.inverse_rows.get_scratch_len()];
-            if self
-                .inverse_rows
-                .process_with_scratch(&mut scratch.line, &mut scratch.row, work)
-                .is_ok()
-            {
-                take(y, &scratch.row);
-            }
+            let _ = self.inverse_rows.process(&mut scratch.line, &mut scratch.row);
+            take(y, &scratch.row);
         }
     }
 }
@@ -175,11 +155,7 @@ impl Convolution {
         function: impl Fn(Channel, usize, usize) -> Vec<f32> + Sync,
     ) -> Convolution {
         let spans = |axis: &Axis, length: usize| -> Vec<Span> {
-            let span = |n| {
-                let (start, weights) = axis.span(n, length);
-                Span { start, weights }
-            };
-            (0..axis.count).map(span).collect()
+            (0..axis.count).map(|n| axis.span(n, length)).collect()
         };
         let (columns, rows) = (spans(&axes[0], size.width), spans(&axes[1], size.height));
         let longest = |spans: &[Span]| spans.iter().map(|s| s.weights.len()).max().unwrap_or(1);

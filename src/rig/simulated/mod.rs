@@ -31,11 +31,9 @@ pub use witness::Witness;
 
 use std::sync::Arc;
 
-use self::bench::{OpticalBench, Parts};
+use self::bench::OpticalBench;
 use self::devices::{Shared, SimulatedCamera, SimulatedClock, SimulatedPanel, SimulatedTrigger};
 use self::optics::Optics;
-use self::panel::{Projection, Shading};
-use self::stripes::Beat;
 use super::RigError;
 use super::binned::binned;
 use super::exposure::{Devices, Timing};
@@ -58,21 +56,7 @@ pub fn open(rig: &config::RigFile) -> Result<(Devices, Witness), RigError> {
     let pose = simulation.pose.clone();
     let map = optics.map(&pose, rig.panel.size());
     optics.prepare();
-    let projection = Projection::new(&map, optics.grid(), optics.pad);
-    let bench = OpticalBench::new(Parts {
-        beat: Beat::new(&rig.panel, &optics, &map, &projection),
-        projection,
-        shading: Shading::new(&simulation.display.uneven, &map, rig.panel.size()),
-        unrest: simulation.unrest,
-        optics: Arc::clone(&optics),
-        sensor: sensor::SimulatedSensor::new(&simulation.sensor, &rig.camera),
-        faults: simulation.faults,
-        panel: rig.panel.clone(),
-        camera: rig.camera.clone(),
-        display: simulation.display.clone(),
-        seed: simulation.seed,
-    });
-    let shared = Shared::new(bench);
+    let shared = Shared::new(OpticalBench::new(rig, simulation, Arc::clone(&optics), &map));
     let devices = Devices::new(
         Box::new(SimulatedPanel(shared.clone())),
         Box::new(SimulatedTrigger(shared.clone())),

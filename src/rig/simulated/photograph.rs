@@ -1,7 +1,5 @@
 //! Photographs of a scene by the rig's camera.
 
-use rayon::prelude::*;
-
 use super::optics::{Light, Optics};
 use super::sensor::{Readout, SimulatedSensor, Stream};
 use crate::config::{Curve, Surround};
@@ -40,20 +38,12 @@ impl<'a> SceneLight<'a> {
         let Rect { x, y, size } = part;
         let on_grid = Rect { x: x + optics.pad, y: y + optics.pad, size };
         let falloff = optics.dark_corner(Light::Scene);
-        let planes: Vec<Plane> = Channel::ALL
-            .par_iter()
-            .map(|&channel| {
-                let wide = surrounded(scene.plane(channel), optics.grid(), on_grid, surround);
-                let mut seen = optics.through_lens(Light::Scene, channel, &wide).crop(on_grid);
-                let falloff = falloff[channel.index()].crop(part);
-                for (level, share) in seen.data_mut().iter_mut().zip(falloff.data()) {
-                    *level *= share;
-                }
-                seen
-            })
-            .collect();
-        let mut planes = planes.into_iter();
-        let light = std::array::from_fn(|_| planes.next().unwrap_or_else(|| Plane::zeros(size)));
+        let light = Channel::ALL.map(|channel| {
+            let wide = surrounded(scene.plane(channel), optics.grid(), on_grid, surround);
+            let mut seen = optics.through_lens(Light::Scene, channel, &wide).crop(on_grid);
+            seen.multiply(&falloff[channel.index()].crop(part));
+            seen
+        });
         SceneLight { sensor, part, light, seed }
     }
 
@@ -102,14 +92,8 @@ pub(super) fn surrounded(scene: &Plane, grid: Size, place: Rect, surround: Surro
         Surround::Scene => {
             let columns: Vec<usize> =
                 (0..grid.width).map(|x| mirrored(x, place.x, place.size.width)).collect();
-            let mut out = Plane::zeros(grid);
-            for y in 0..grid.height {
-                let from = scene.row(mirrored(y, place.y, place.size.height));
-                for (to, &x) in out.row_mut(y).iter_mut().zip(&columns) {
-                    *to = from[x];
-                }
-            }
-            out
+            let row = |y: usize| mirrored(y, place.y, place.size.height);
+            Plane::from_fn(grid, |x, y| scene.at(columns[x], row(y)))
         }
         Surround::Black => {
             let mut out = Plane::zeros(grid);

@@ -59,7 +59,8 @@ impl Focused {
             }
         }
         let image_z = -au / uu;
-        if !image_z.is_finite() || image_z <= lens.last_z() {
+        let last_z = lens.surfaces.last().map_or(0.0, |surface| surface.vertex_z);
+        if !image_z.is_finite() || image_z <= last_z {
             return Err(RigError::Refused {
                 device: "simulated lens",
                 found: format!("a focus at z = {image_z:.1} mm"),

@@ -272,17 +272,13 @@ impl SimulatedSensor {
         if self.config.curve == SensorCurve::default() {
             return level;
         }
-        let full = self.full_levels();
+        // Grey levels at the largest count without the curve.
+        let range = f64::from(self.count_max) - self.config.black_level_counts;
+        let full = range / f64::from(self.counts_per_level());
         let share = f64::from(level) / full;
         let share = share.abs().powf(gamma).copysign(share);
         let above = (share - knee_share).max(0.0);
         ((share - above * (1.0 - knee_slope)) * full) as f32
-    }
-
-    /// Grey levels at the largest count without a response curve.
-    fn full_levels(&self) -> f64 {
-        (f64::from(self.count_max) - self.config.black_level_counts)
-            / f64::from(self.counts_per_level())
     }
 
     /// Level of `count` after the camera's developing, with white at 255.

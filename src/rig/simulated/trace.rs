@@ -28,8 +28,8 @@ impl Ray {
 
 /// A surface ready for tracing.
 #[derive(Debug, Clone)]
-struct RefractingSurface {
-    vertex_z: f64,
+pub(super) struct RefractingSurface {
+    pub(super) vertex_z: f64,
     /// 0 for a flat surface.
     curvature: f64,
     clear_radius: f64,
@@ -39,7 +39,7 @@ struct RefractingSurface {
 /// A lens ready for tracing. z = 0 is the first refracting vertex.
 #[derive(Debug, Clone)]
 pub(super) struct TracedLens {
-    surfaces: Vec<RefractingSurface>,
+    pub(super) surfaces: Vec<RefractingSurface>,
     pub(super) stop_z: f64,
     pub(super) stop_radius: f64,
     pub(super) object_z: f64,
@@ -96,11 +96,6 @@ impl TracedLens {
     pub(super) fn indices(&self, wavelength_nm: f64) -> Vec<f64> {
         // Names were checked by `new`.
         self.surfaces.iter().map(|s| glass::index(&s.glass, wavelength_nm).unwrap_or(1.0)).collect()
-    }
-
-    /// z of the last vertex.
-    pub(super) fn last_z(&self) -> f64 {
-        self.surfaces.last().map_or(0.0, |s| s.vertex_z)
     }
 
     /// Effective focal length by a paraxial y–u trace of a ray parallel to the axis.

@@ -5,7 +5,6 @@ use std::sync::Arc;
 
 use super::devices::Shared;
 use super::optics::{Light, Optics};
-use super::panel::Projection;
 use super::photograph::{RawPhoto, SceneLight, surrounded};
 use super::pose::PanelMap;
 use super::wear::Wear;
@@ -45,8 +44,7 @@ impl Witness {
         let falloff = self.optics.dark_corner(Light::Scene);
         Frame::from_fn(|c| {
             let mut plane = scene.plane(c).clone();
-            let shares = falloff[c.index()].crop(self.optics.photo);
-            plane.data_mut().iter_mut().zip(shares.data()).for_each(|(v, share)| *v *= share);
+            plane.multiply(&falloff[c.index()].crop(self.optics.photo));
             plane
         })
     }
@@ -262,7 +260,6 @@ impl Witness {
     /// Updates the bench to the panel's pose and the lens's focus.
     fn place_panel(&mut self) {
         self.map = self.optics.map(&self.pose, self.panel);
-        let projection = Projection::new(&self.map, self.optics.grid(), self.optics.pad);
-        self.shared.bench().set_light_path(Arc::clone(&self.optics), &self.map, projection);
+        self.shared.bench().set_light_path(Arc::clone(&self.optics), &self.map);
     }
 }

@@ -144,7 +144,7 @@ fuzz_target!(|bytes: &[u8]| {
         };
         let (mut restorer, mut watcher) = (Returner, ());
         let daemon = Daemon::open(folders, setting, &mut restorer, &clock, &calendar, &mut watcher);
-        let _ = daemon.expect("valid folders").scheduled(Box::new(night)).once();
+        let _ = daemon.expect("valid folders").scheduled(Box::new(night)).once(&|| false);
     }
     for (name, photo) in [("under way", &under_way), ("done", &done)] {
         let found =

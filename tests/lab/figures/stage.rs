@@ -3,7 +3,7 @@
 use relens::chart::scenes::Scene;
 use relens::chart::test_rig::{PHOTO_SEED, TestPhoto};
 use relens::config::RigFile;
-use relens::deconvolution::backward_convolution::{Sign, backward_convolution};
+use relens::deconvolution::backward_convolution::backward_convolution;
 use relens::deconvolution::data_term;
 use relens::deconvolution::forward_convolution::ForwardConvolution;
 use relens::deconvolution::lens_model::{LensFunctions, LensModel};
@@ -138,9 +138,8 @@ impl Stage {
         let grid = PatchGrid::new(canvas, rect, shape);
         let (pipeline, rig) = self.harness.test_rig.parts();
         let mut path = pipeline.light_path(rig);
-        let light =
-            backward_convolution(&mut path, &shown, &grid, Channels::Green, Sign::Unsigned, None)
-                .map_err(MethodError::from)?;
+        let light = backward_convolution(&mut path, &shown, &grid, Channels::Green)
+            .map_err(MethodError::from)?;
         Ok((exact.crop(rect), light.plane(Channel::Green).crop(rect)))
     }
 

@@ -4,9 +4,10 @@ use relens::calibration::Calibration;
 use relens::chart::test_rig::TestPhoto;
 use relens::config::{MethodName, RigFile};
 use relens::deconvolution::method::Method;
+use relens::deconvolution::method::total_variation::TotalVariation;
 use relens::frame::Frame;
 use relens::picture::Tone;
-use relens::pipeline::{Verdict, method, reference_solution};
+use relens::pipeline::{Verdict, method};
 
 use super::kept::Kept;
 use crate::Failure;
@@ -184,7 +185,7 @@ pub(crate) fn same(one: &Swept, other: &Swept) -> bool {
 fn named(rig: &RigFile, name: &str) -> Box<dyn Method + Send + Sync> {
     match MethodName::ALL.into_iter().find(|which| which.name() == name) {
         Some(which) => method(rig, which),
-        None => Box::new(reference_solution(rig)),
+        None => Box::new(TotalVariation::default()),
     }
 }
 

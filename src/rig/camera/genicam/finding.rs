@@ -98,6 +98,11 @@ pub(super) fn gone(what: String) -> RigError {
     RigError::Gone { device: "camera", what }
 }
 
+/// Error of a camera between its loss and a successful reopening.
+pub(super) fn not_open() -> RigError {
+    gone("it was lost and is not open".to_owned())
+}
+
 pub(super) fn refused(found: String, allowed: &str) -> RigError {
     RigError::Refused { device: "camera", found, allowed: allowed.to_owned() }
 }

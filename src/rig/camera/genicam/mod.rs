@@ -15,7 +15,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use aravis::prelude::*;
 use aravis::{Buffer, BufferPayloadType, BufferStatus, Device, Stream};
 pub use finding::describe;
-use finding::{choose, failed, gone, list, refused};
+use finding::{choose, failed, gone, list, not_open, refused};
 
 use crate::config::{CameraTable, ExposureBy, FeatureValue, GenicamDevice};
 use crate::frame::{Counts, Plane, Size};
@@ -175,8 +175,7 @@ impl Camera for GenicamCamera {
 
     fn frame(&mut self, deadline: Moment) -> Result<Exposed, RigError> {
         let began = Monotonic.now();
-        let open =
-            self.open.take().ok_or_else(|| gone("it was lost and is not open".to_owned()))?;
+        let open = self.open.take().ok_or_else(not_open)?;
         loop {
             let remaining_s = (deadline.0 - Monotonic.now().0).clamp(0.0, LOOK_S);
             let buffer = open.stream.timeout_pop_buffer((remaining_s * 1e6) as u64);
@@ -217,9 +216,7 @@ impl Camera for GenicamCamera {
     }
 
     fn expose_times(&mut self, times: f64) -> Result<bool, RigError> {
-        let Some(open) = &self.open else {
-            return Err(gone("it was lost and is not open".to_owned()));
-        };
+        let open = self.open.as_ref().ok_or_else(not_open)?;
         let is_set = expose(&open.device, &self.settings, times)?;
         if is_set {
             self.exposure_times = times;
@@ -228,9 +225,7 @@ impl Camera for GenicamCamera {
     }
 
     fn amplify_times(&mut self, times: f64) -> Result<Option<f64>, RigError> {
-        let Some(open) = &self.open else {
-            return Err(gone("it was lost and is not open".to_owned()));
-        };
+        let open = self.open.as_ref().ok_or_else(not_open)?;
         let device = &self.settings.device;
         let gain = device.features.get("Gain");
         let (Some(FeatureValue::Number(gain)), Some(step_db)) = (gain, device.gain_step_db) else {

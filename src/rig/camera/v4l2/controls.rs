@@ -2,38 +2,18 @@
 
 use super::finding::busy_or;
 use super::kernel::{Control, Node};
+use crate::config::ExposureBy;
 use crate::rig::monotonic::Monotonic;
 use crate::rig::{Clock, Moment, RigError};
 
-/// Control of the exposure time.
+/// Exposure time, and its control.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Exposure {
-    /// Control `exposure_time_absolute`, in steps of 100 µs (V4L2_CID_EXPOSURE_ABSOLUTE).
-    Control {
-        /// Exposure time.
-        exposure_ms: f64,
-    },
-    /// The width of the trigger pulse.
-    Pulse {
-        /// Exposure time.
-        exposure_ms: f64,
-    },
-    /// A setting outside V4L2.
-    Elsewhere {
-        /// Exposure time set there.
-        exposure_ms: f64,
-    },
-}
-
-impl Exposure {
+pub struct Exposure {
+    /// `exposure_time_absolute`, in steps of 100 µs (V4L2_CID_EXPOSURE_ABSOLUTE), the width of the
+    /// trigger pulse, or a setting outside V4L2.
+    pub by: ExposureBy,
     /// Exposure time.
-    pub fn exposure_ms(&self) -> f64 {
-        match self {
-            Exposure::Control { exposure_ms }
-            | Exposure::Pulse { exposure_ms }
-            | Exposure::Elsewhere { exposure_ms } => *exposure_ms,
-        }
-    }
+    pub exposure_ms: f64,
 }
 
 /// Control of a camera's gain.
@@ -213,9 +193,10 @@ pub(super) fn expose(
     exposure: &Exposure,
     times: f64,
 ) -> Result<bool, RigError> {
-    let Exposure::Control { exposure_ms } = exposure else {
-        return Ok(matches!(exposure, Exposure::Pulse { .. }));
-    };
+    let Exposure { by, exposure_ms } = *exposure;
+    if by != ExposureBy::Control {
+        return Ok(by == ExposureBy::Pulse);
+    }
     let steps = (times * exposure_ms * 10.0).round() as i32;
     let control =
         named(has, "exposure_time_absolute").or_else(|_| named(has, "exposure_absolute"))?;
@@ -239,9 +220,9 @@ pub(super) fn amplify(
 
 /// Whether the frame interval of `node` is shorter than `times` the `exposure`.
 pub(super) fn needs_longer_interval(node: &Node, exposure: &Exposure, times: f64) -> bool {
-    let Exposure::Control { exposure_ms } = exposure else { return false };
     let interval_s = node.frame_interval_s().ok().flatten();
-    interval_s.is_some_and(|interval_s| interval_s < times * exposure_ms / 1e3)
+    exposure.by == ExposureBy::Control
+        && interval_s.is_some_and(|interval_s| interval_s < times * exposure.exposure_ms / 1e3)
 }
 
 /// Requests a frame interval that is long enough for the exposure, since drivers shorten exposures

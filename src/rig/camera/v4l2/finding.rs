@@ -33,6 +33,11 @@ pub(super) fn gone(what: String) -> RigError {
     RigError::Gone { device: "camera", what }
 }
 
+/// Error of a camera between its loss and a successful reopening.
+pub(super) fn not_open() -> RigError {
+    gone("it was lost and is not open".to_owned())
+}
+
 /// Error of a video node; EBUSY means that another program streams from it.
 pub(super) fn busy_or(source: std::io::Error, doing: &'static str) -> RigError {
     if rustix::io::Errno::from_io_error(&source) == Some(rustix::io::Errno::BUSY) {

@@ -18,12 +18,12 @@ use controls::{
 };
 pub use describe::describe;
 pub use finding::CameraName;
-use finding::{busy_or, by_card, by_link, gone};
+use finding::{busy_or, by_card, by_link, gone, not_open};
 use kernel::{Node, Settled};
 use ring::Ring;
 use rustix::io::Errno;
 
-use crate::config::{CameraTable, ExposureBy, Stamps, TriggerDevice, V4l2Device};
+use crate::config::{CameraTable, Stamps, TriggerDevice, V4l2Device};
 use crate::frame::{Counts, Plane, Size};
 use crate::picture::worker::Worker;
 use crate::rig::monotonic::Monotonic;
@@ -84,17 +84,12 @@ impl CameraSettings {
             (_, _, Some(graph)) => CameraName::Graph(graph.clone()),
             (None, card, None) => CameraName::Card(card.clone().unwrap_or_default()),
         };
-        let exposure_ms = camera.exposure_ms;
         Ok(CameraSettings {
             name,
             size: camera.size(),
             format,
             buffers: device.buffers,
-            exposure: match device.exposure_by {
-                ExposureBy::Control => Exposure::Control { exposure_ms },
-                ExposureBy::Pulse => Exposure::Pulse { exposure_ms },
-                ExposureBy::Elsewhere => Exposure::Elsewhere { exposure_ms },
-            },
+            exposure: Exposure { by: device.exposure_by, exposure_ms: camera.exposure_ms },
             gain: device.gain_step_db.and_then(|step_db| {
                 let held = |name: &&str| Some((name.to_string(), *device.controls.get(*name)?));
                 let (name, value) = GainControl::NAMES.iter().find_map(held)?;
@@ -171,9 +166,7 @@ impl Camera for V4l2Camera {
 
     fn frame(&mut self, deadline: Moment) -> Result<Exposed, RigError> {
         let began = Monotonic.now();
-        let Some(ring) = &mut self.ring else {
-            return Err(gone("it was lost and is not open".to_owned()));
-        };
+        let ring = self.ring.as_mut().ok_or_else(not_open)?;
         loop {
             let filled = match ring.next(deadline) {
                 Ok(Some(filled)) => filled,
@@ -207,7 +200,7 @@ impl Camera for V4l2Camera {
             let by = StampedBy {
                 driver: &self.opened.driver,
                 states_start: filled.at_start,
-                exposure_s: self.settings.exposure.exposure_ms() * self.exposure_times / 1e3,
+                exposure_s: self.settings.exposure.exposure_ms * self.exposure_times / 1e3,
                 interval_s: self.opened.interval_s,
             };
             let at = earliest_start(self.settings.stamps, &by, stamp);
@@ -237,9 +230,7 @@ impl Camera for V4l2Camera {
     }
 
     fn expose_times(&mut self, times: f64) -> Result<bool, RigError> {
-        let Some(ring) = &mut self.ring else {
-            return Err(gone("it was lost and is not open".to_owned()));
-        };
+        let ring = self.ring.as_mut().ok_or_else(not_open)?;
         let exposure = &self.settings.exposure;
         // uvcvideo refuses another interval while it streams.
         let restarts = needs_longer_interval(ring.node(), exposure, times);
@@ -260,9 +251,7 @@ impl Camera for V4l2Camera {
     }
 
     fn amplify_times(&mut self, times: f64) -> Result<Option<f64>, RigError> {
-        let Some(ring) = &self.ring else {
-            return Err(gone("it was lost and is not open".to_owned()));
-        };
+        let ring = self.ring.as_ref().ok_or_else(not_open)?;
         let Some(gain) = &self.settings.gain else { return Ok(None) };
         let node = self.opened.sensor.as_ref().unwrap_or(ring.node());
         amplify(node, &node.controls(), gain, times)?;
@@ -295,7 +284,7 @@ fn decode(decoder: &mut Worker, bytes: &[u8], counts: &mut Counts) -> bool {
 /// Frame interval of a free-running camera at `times` the exposure; the exposure if its driver does
 /// not state one.
 fn interval(node: &Node, settings: &CameraSettings, times: f64) -> Option<f64> {
-    let exposure_s = settings.exposure.exposure_ms() * times / 1e3;
+    let exposure_s = settings.exposure.exposure_ms * times / 1e3;
     let stated_s = || node.frame_interval_s().ok().flatten().unwrap_or(0.0);
     settings.free_running.then(|| stated_s().max(exposure_s))
 }

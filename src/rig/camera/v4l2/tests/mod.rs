@@ -24,7 +24,7 @@ fn usb(controls: &[(&str, i32)]) -> CameraSettings {
         size: Size::new(32, 8),
         format: PixelFormat::from_code("GREY").expect("a format"),
         buffers: 4,
-        exposure: Exposure::Control { exposure_ms: 20.0 },
+        exposure: Exposure { by: config::ExposureBy::Control, exposure_ms: 20.0 },
         gain: None,
         stamps: Stamps::Driver,
         free_running: true,

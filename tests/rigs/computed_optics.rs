@@ -1,14 +1,14 @@
 //! Forward convolution by a lens model in place of a rig: for tests, and for the paper's comparison
 //! with "accurate numerical calculation" (§4.1).
 
-use super::data_term::TRUSTED;
-use super::forward_convolution::{ForwardConvolution, Seen};
-use super::lens_model::LensModel;
-use crate::frame::{Channel, FULL_SCALE, Frame, Size, Work};
-use crate::remedy::AnyFailure;
+use relens::deconvolution::data_term::TRUSTED;
+use relens::deconvolution::forward_convolution::{ForwardConvolution, Seen};
+use relens::deconvolution::lens_model::LensModel;
+use relens::frame::{Channel, FULL_SCALE, Frame, Size, Work};
+use relens::remedy::AnyFailure;
 
 /// FC(L) = K·L, computed.
-pub struct ComputedOptics<'a> {
+pub(crate) struct ComputedOptics<'a> {
     model: &'a LensModel,
     eight_bit: bool,
     captures: usize,
@@ -17,7 +17,7 @@ pub struct ComputedOptics<'a> {
 impl<'a> ComputedOptics<'a> {
     /// Optics of `model`. With `eight_bit`, input and output are clipped to 0..255 and rounded to
     /// whole levels.
-    pub fn new(model: &'a LensModel, eight_bit: bool) -> Self {
+    pub(crate) fn new(model: &'a LensModel, eight_bit: bool) -> Self {
         ComputedOptics { model, eight_bit, captures: 0 }
     }
 
