@@ -15,7 +15,7 @@ use rustix::termios::{Winsize, tcsetwinsize};
 use crate::{SCENE, calibrated};
 
 /// Rows of the terminals.
-const ROWS: u16 = 40;
+const ROWS: u16 = 60;
 
 /// Contents of a terminal.
 struct Seen {
