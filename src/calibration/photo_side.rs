@@ -88,8 +88,8 @@ impl PhotoSide {
     }
 
     /// Aligns red and blue of `picture` (canvas-sized) with green: removes lateral colour, which
-    /// the paper's loop keeps. At the canvas's corner both are farther out than measured by
-    /// `corner_px`.
+    /// the paper's loop keeps. `corner_px` are outward displacements of red and blue beyond the
+    /// measured ones, pixels at the canvas's corner, in proportion to the distance from the middle.
     #[must_use]
     pub fn line_up_colours(&self, picture: &Frame<Work>, corner_px: [f32; 2]) -> Frame<Work> {
         let mut lined_up = picture.clone();

@@ -43,7 +43,7 @@ pub(super) struct ColourPlaces {
     saturated: Option<Plane>,
     /// σ of windows, pixels.
     reach_px: f32,
-    /// Noise power of a channel blurred twice.
+    /// Noise power of a channel blurred twice; results, solved with a prior, have less.
     noise: f32,
 }
 

@@ -19,6 +19,9 @@ const CORNER_PX: f32 = 2.0;
 /// Outward displacements of red and blue from green at the corner of `picture`, pixels, in
 /// proportion to the distance from the middle; 0 where the picture does not show it. `picture` is
 /// that of `photo`, taken through a lens of `functions`, on the same canvas.
+///
+/// # Panics
+/// When `picture` and `photo` differ in size.
 pub fn lateral_colour_px(
     picture: &Frame<Work>,
     photo: &Observation,
