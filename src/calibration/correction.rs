@@ -71,6 +71,15 @@ impl Layout {
         Size::new(self.photo.width + 2 * self.margin_px, self.photo.height + 2 * self.margin_px)
     }
 
+    /// The panel column that each channel sees at each pixel of the canvas.
+    pub fn panel_columns(&self, geometry: &Geometry) -> Frame<Work> {
+        let seen = self.on_canvas(&geometry.work_to_panel.x);
+        Frame::from_fn(|c| {
+            let offset_px = self.subpixels.offset_px(c) as f32;
+            seen.map(|column: f32| column - offset_px)
+        })
+    }
+
     /// `surface` at the canvas's pixels.
     pub fn on_canvas(&self, surface: &Surface) -> Plane {
         let margin = self.margin_px as f64;
@@ -118,7 +127,7 @@ pub struct Corrected {
 #[derive(Debug, Clone)]
 pub struct Correction {
     layout: Layout,
-    geometry: [Geometry; 3],
+    geometry: Geometry,
     inverse: [Inverse; 3],
     unmix: [[f32; 3]; 3],
     /// Linearised value of each count; `None` if the camera is linear.
@@ -181,8 +190,7 @@ impl Correction {
 
     /// The panel column, in panel pixels, that each channel sees at each canvas pixel.
     pub fn panel_columns(&self) -> &Frame<Work> {
-        let column = |c: Channel| self.layout.on_canvas(&self.geometry[c.index()].work_to_panel.x);
-        once(&self.columns, || Frame::from_fn(column))
+        once(&self.columns, || self.layout.panel_columns(&self.geometry))
     }
 
     /// Response of the sensor's sites on the canvas; `None` if not measured.
@@ -207,33 +215,17 @@ impl Correction {
     /// # Panics
     /// When the picture's size is not the canvas's.
     pub fn show(&self, picture: &Frame<Work>) -> Codes {
-        self.show_by(picture, |channel| channel)
-    }
-
-    /// The codes that show `scene` (light, 0..255, canvas-sized) as an object: all channels at one
-    /// place, in green's geometry, so that the lens separates its colours.
-    ///
-    /// # Panics
-    /// When the scene's size is not the canvas's.
-    pub fn show_scene(&self, scene: &Frame<Work>) -> Codes {
-        self.show_by(scene, |_| Channel::Green)
-    }
-
-    /// The codes of `picture`, each channel in the geometry of channel `place`(channel).
-    fn show_by(&self, picture: &Frame<Work>, place: impl Fn(Channel) -> Channel + Sync) -> Codes {
         assert!(picture.size() == self.layout.canvas(), "a shown picture has the canvas's size");
-        let made: Vec<Plane<u8>> = Channel::ALL
-            .par_iter()
-            .map(|&c| self.show_plane(c, place(c), picture.plane(c)))
-            .collect();
+        let made: Vec<Plane<u8>> =
+            Channel::ALL.par_iter().map(|&c| self.show_plane(c, picture.plane(c))).collect();
         let mut made = made.into_iter();
         Frame::from_fn(|_| made.next().unwrap_or_else(|| Plane::zeros(self.layout.panel)))
     }
 
-    /// The part of the panel that shows a canvas in the geometry of `place`, with a fringe.
-    fn shown_part(&self, place: Channel) -> Rect {
+    /// The part of the panel that shows a canvas, with a fringe.
+    fn shown_part(&self) -> Rect {
         let panel = self.layout.panel;
-        let seen = self.geometry[place.index()].panel_to_work.x.domain();
+        let seen = self.geometry.panel_to_work.x.domain();
         let first = |at: f64, limit: usize| ((at - FRINGE_PX).max(0.0) as usize).min(limit - 1);
         let past = |at: f64, limit: usize| ((at + FRINGE_PX).max(0.0) as usize + 1).min(limit);
         let (x, y) = (first(seen.left, panel.width), first(seen.top, panel.height));
@@ -242,10 +234,10 @@ impl Correction {
         Rect { x, y, size: Size::new(right - x, bottom - y) }
     }
 
-    /// The light of the panel pixels in `part`, which show the canvas `padded` in the geometry of
-    /// `place`.
-    fn panel_light(&self, place: Channel, padded: &Plane, part: Rect) -> Plane {
-        let map = &self.geometry[place.index()].panel_to_work;
+    /// The light of the panel pixels in `part`, which show the canvas `padded` in `channel`.
+    fn panel_light(&self, channel: Channel, padded: &Plane, part: Rect) -> Plane {
+        let map = &self.geometry.panel_to_work;
+        let left = part.x as f64 + self.layout.subpixels.offset_px(channel);
         let offset = (self.layout.margin_px + PAD_PX) as f32;
         // Limits that keep all sixteen taps in the padded plane, so that border pixels repeat.
         let limit = |side: usize| (side - PAD_PX) as f32 - 0.5;
@@ -254,8 +246,8 @@ impl Correction {
         let (mut map_x, mut map_y) = (Plane::zeros(part.size), Plane::zeros(part.size));
         for y in 0..part.size.height {
             let panel_y = (part.y + y) as f64;
-            map.x.row(panel_y, part.x as f64, 1.0, map_x.row_mut(y));
-            map.y.row(panel_y, part.x as f64, 1.0, map_y.row_mut(y));
+            map.x.row(panel_y, left, 1.0, map_x.row_mut(y));
+            map.y.row(panel_y, left, 1.0, map_y.row_mut(y));
         }
         map_x.data_mut().iter_mut().for_each(|v| *v = (*v + offset).max(least).min(x_max));
         map_y.data_mut().iter_mut().for_each(|v| *v = (*v + offset).max(least).min(y_max));
@@ -264,10 +256,10 @@ impl Correction {
         light
     }
 
-    fn show_plane(&self, channel: Channel, place: Channel, picture: &Plane) -> Plane<u8> {
+    fn show_plane(&self, channel: Channel, picture: &Plane) -> Plane<u8> {
         let panel = self.layout.panel;
         let padded = padded(picture);
-        let shown = self.shown_part(place);
+        let shown = self.shown_part();
         let Rect { x: left, y: top, .. } = shown;
         let (right, bottom) = (left + shown.size.width, top + shown.size.height);
         let mut codes = Plane::zeros(panel);
@@ -275,7 +267,7 @@ impl Correction {
         rows.par_chunks_mut(BAND_ROWS * panel.width).enumerate().for_each(|(band, rows)| {
             let size = Size::new(right - left, rows.len() / panel.width);
             let part = Rect { x: left, y: top + band * BAND_ROWS, size };
-            let mut light = self.panel_light(place, &padded, part);
+            let mut light = self.panel_light(channel, &padded, part);
             self.inverse[channel.index()].apply(light.data_mut());
             let mut diffusion = Diffusion::new(size.width);
             for (y, row) in rows.chunks_mut(panel.width).enumerate() {

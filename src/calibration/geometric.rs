@@ -55,7 +55,7 @@ pub struct Pair {
     pub to: (f64, f64),
 }
 
-/// Work ↔ panel for one channel.
+/// Work ↔ panel.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Geometry {
     /// Panel position seen at a Work position.

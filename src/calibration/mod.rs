@@ -3,7 +3,7 @@
 //!
 //! | paper §3 | here |
 //! |---|---|
-//! | geometric calibration, per channel | [`checkerboard`], [`geometric`], on [`surface`] |
+//! | geometric calibration, in green alone | [`checkerboard`], [`geometric`], on [`surface`] |
 //! | dark corner | [`dark_corner`] |
 //! | cross-channel response, Eq. 13 | [`cross_channel`], [`curve`] |
 //! | (noise, lens functions: not in the paper) | [`noise`], [`lens_blur`] |
@@ -63,8 +63,8 @@ pub struct Calibration {
     pub photo: Size,
     /// Canvas around the photo, on every side.
     pub margin_px: usize,
-    /// Work ↔ panel, per channel.
-    pub geometry: [Geometry; 3],
+    /// Work ↔ panel for green. Red's and blue's displacements are part of their functions.
+    pub geometry: Geometry,
     /// Relative illumination over Work coordinates, per channel; mean 1 over the photo.
     pub dark_corner: [Surface; 3],
     /// Mixing of the channels, Eq. 13.
@@ -152,11 +152,10 @@ impl Calibration {
 
     /// Checks that all parts are valid and consistent; else describes the fault.
     fn check(&self) -> Result<(), String> {
-        let surfaces =
-            self.dark_corner.iter().chain(&self.black).chain(self.geometry.iter().flat_map(|g| {
-                [&g.work_to_panel.x, &g.work_to_panel.y, &g.panel_to_work.x, &g.panel_to_work.y]
-            }));
-        if surfaces.into_iter().any(|s| !s.is_whole()) {
+        let Geometry { work_to_panel: there, panel_to_work: back } = &self.geometry;
+        let mut surfaces = self.dark_corner.iter().chain(&self.black);
+        let maps = [&there.x, &there.y, &back.x, &back.y];
+        if surfaces.by_ref().chain(maps).any(|s| !s.is_whole()) {
             return Err("a surface has a wrong number of coefficients, or one that is not finite"
                 .to_owned());
         }

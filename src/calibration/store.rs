@@ -15,7 +15,7 @@ use crate::remedy::{Remediable, Remedy};
 
 const MAGIC: [u8; 8] = *b"relenscl";
 /// Format of slots; incremented with every change of [`Calibration`]'s layout.
-pub const VERSION: u32 = 8;
+pub const VERSION: u32 = 9;
 const HEADER_BYTES: usize = 12;
 const CRC_BYTES: usize = 4;
 const SLOTS: [&str; 2] = ["calibration-a.slot", "calibration-b.slot"];

@@ -62,8 +62,8 @@ table! {
         /// Wait from flip to trigger: processing latency, scan-out and response time together.
         /// `relens check` measures it.
         settle_ms: f64, Number(0.0, 10_000.0), Never;
-        /// Places of red, green and blue within a pixel. A wrong layout gives photos' edges rims of
-        /// red and blue: the lens's lateral colour is measured against these places.
+        /// Places of red, green and blue within a pixel. A wrong layout gives results rims of red
+        /// and blue at upright edges.
         @[serde(default, skip_serializing_if = "is_default")]
         subpixels: Subpixels, Word(Subpixels::WORDS), Means("\"rgb\"");
     }

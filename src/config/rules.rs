@@ -23,7 +23,7 @@ pub(super) fn check(mut written: RigTables, places: &Places) -> Result<RigFile, 
     let mut identity = IdentityHash::default();
     identity.take(&(
         (photo.width_px, photo.height_px, photo.curve),
-        (panel.width_px, panel.height_px),
+        (panel.width_px, panel.height_px, panel.subpixels),
         (camera.width_px, camera.height_px, camera.photo_x_px, camera.photo_y_px, camera.bits),
         camera.exposure_ms,
         (&canvas, &calibration, &marks),

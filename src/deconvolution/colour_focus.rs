@@ -16,11 +16,11 @@
 //! b of the place; s minimises the residual of this regression, and t that of blue on green.
 
 use super::colour_lines::{ChannelPair, ColourPlaces};
-use super::lens_model::{LensFunctions, LensModel};
+use super::lens_model::{Halo, LensFunctions, LensModel};
 use super::level_norms::LevelNorms;
 use super::observation::{DataKind, Observation};
 use super::smoothing::halve;
-use crate::frame::{Channel, Channels, Frame, Plane, Work};
+use crate::frame::{Channel, Channels, Frame, Plane};
 
 /// Shares between the functions of neighbouring channels.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -32,26 +32,21 @@ pub struct ColourFocus {
 }
 
 impl ColourFocus {
-    /// Estimates the shares of `photo`, taken through `model`; `line_up` undoes the lateral
-    /// chromatic aberration of light on the canvas. `None` for grey photos, for JPEGs, and where
-    /// too little of the photo has details.
+    /// Estimates the shares of `photo`, taken through `model`. `None` for grey photos, for JPEGs,
+    /// and where too little of the photo has details.
     ///
     /// # Panics
     /// When the photo does not have the model's canvas.
-    pub fn of(
-        model: &LensModel,
-        photo: &Observation,
-        line_up: impl FnOnce(&Frame<Work>) -> Frame<Work>,
-    ) -> Option<ColourFocus> {
+    pub fn of(model: &LensModel, photo: &Observation) -> Option<ColourFocus> {
         // The coding of a JPEG's colours would pass for blur.
         if photo.channels == Channels::Green || photo.sampling.kind() == DataKind::Jpeg {
             return None;
         }
         let light = match photo.sampling.mosaic() {
             Some(mosaic) => {
-                line_up(&Frame::from_fn(|c| mosaic.interpolated_finely(c, photo.light.plane(c))))
+                &Frame::from_fn(|c| mosaic.interpolated_finely(c, photo.light.plane(c)))
             }
-            None => line_up(&photo.light),
+            None => &photo.light,
         };
         let [red, green, blue] = Channel::ALL;
         let through = |lens: Channel, of: Channel| {
@@ -94,6 +89,24 @@ impl ColourFocus {
             moved(blue, green, self.blue),
         ];
         LensFunctions { taps, ..*measured }
+    }
+
+    /// Broad light of a photo, where that measured is `measured`; not extrapolated.
+    pub fn halos(self, measured: &[Vec<Halo>; 3]) -> [Vec<Halo>; 3] {
+        let [red, green, blue] = measured;
+        let mixed = |own: &[Halo], other: &[Halo], share: f32| {
+            let share = share.max(0.0);
+            let scaled = |halo: &Halo, by: f32| Halo { share: by * halo.share, ..*halo };
+            let mut halos: Vec<Halo> = own.iter().map(|halo| scaled(halo, 1.0 - share)).collect();
+            for more in other.iter().map(|halo| scaled(halo, share)) {
+                match halos.iter_mut().find(|halo| halo.radius_px == more.radius_px) {
+                    Some(same) => same.share += more.share,
+                    None => halos.push(more),
+                }
+            }
+            halos
+        };
+        [mixed(red, green, self.red_green), green.clone(), mixed(blue, green, self.blue)]
     }
 
     /// Bounds on ‖K‖² of [`ColourFocus::functions`], from those of the measured ones.

@@ -25,7 +25,6 @@ mod example_lens;
 pub mod focus;
 pub mod forward_convolution;
 pub mod jpeg;
-pub mod lateral_colour;
 pub mod lens_model;
 pub mod level_norms;
 pub mod method;

@@ -1,4 +1,4 @@
-//! Geometry of each channel from checkerboards, and the check that the rig has not moved.
+//! Geometry from a checkerboard, and the check that the rig has not moved.
 
 use super::motion::{self, PanelPlace};
 use super::session::{Session, difference};
@@ -9,7 +9,7 @@ use crate::config;
 use crate::frame::{Channel, Frame, Plane, SensorSpace};
 use crate::patterns;
 
-/// The green checkerboard as found, for the later check.
+/// The checkerboard as found, for the later check.
 pub(super) struct Board {
     near: Affine,
     corners: Vec<Pair>,
@@ -24,15 +24,15 @@ fn in_line() -> CalibrateError {
     CalibrateError::NotInView(found.to_owned())
 }
 
-/// Measures Work ↔ panel for each channel; also returns the green board.
+/// Measures Work ↔ panel in green; also returns the board.
 pub(super) fn geometry(
     session: &mut Session<'_>,
     black: &Frame<SensorSpace>,
-) -> Result<([Geometry; 3], Option<Board>), CalibrateError> {
+) -> Result<(Geometry, Option<Board>), CalibrateError> {
     let (layout, domain) = (session.layout, session.layout.domain());
     if session.config.calibration.geometry == config::Alignment::OneToOne {
-        let one = Geometry::one_to_one(domain, layout.photo_x_px as f64, layout.photo_y_px as f64);
-        return Ok(([one.clone(), one.clone(), one], None));
+        let (left, top) = (layout.photo_x_px as f64, layout.photo_y_px as f64);
+        return Ok((Geometry::one_to_one(domain, left, top), None));
     }
     session.step("geometry");
     let locator = session.counts(&patterns::locator(layout.panel))?;
@@ -44,47 +44,33 @@ pub(super) fn geometry(
         spots[c.index()] = checkerboard::spot(&over, c.name(), allowed).map_err(judge::board)?;
     }
     let near = Affine::through(patterns::locator_spots(layout.panel), spots).ok_or_else(in_line)?;
-    let mut found = Vec::new();
-    let mut green = None;
-    for c in Channel::ALL {
-        let corners = corners(session, &near, c, black.plane(c))?;
-        let pairs: Vec<Pair> = corners
-            .iter()
-            .map(|p| Pair {
-                from: (p.from.0 - layout.photo_x_px as f64, p.from.1 - layout.photo_y_px as f64),
-                to: p.to,
-            })
-            .collect();
-        let fit = Geometry::fit(domain, &pairs);
-        let (one, misfit) =
-            fit.map_err(|source| CalibrateError::Fit { step: "geometry", source })?;
-        log::debug!("{} corners in {}, misfit {misfit:.3} panel px", pairs.len(), c.name());
-        judge::on_panel(&one, layout.panel)?;
-        found.push(one);
-        if c == Channel::Green {
-            let capture = session.captures();
-            green = Some(Board { near, corners, capture, black: black.plane(c).clone() });
-        }
-    }
-    if let Some(board) = &green {
-        check_place(session, board)?;
-    }
-    match <[Geometry; 3]>::try_from(found) {
-        Ok(geometry) => Ok((geometry, green)),
-        Err(_) => Err(in_line()),
-    }
+    let black = black.plane(Channel::Green).clone();
+    let corners = corners(session, &near, &black)?;
+    let capture = session.captures();
+    let on_work = |p: &Pair| Pair {
+        from: (p.from.0 - layout.photo_x_px as f64, p.from.1 - layout.photo_y_px as f64),
+        to: p.to,
+    };
+    let pairs: Vec<Pair> = corners.iter().map(on_work).collect();
+    let fit = Geometry::fit(domain, &pairs);
+    let (geometry, misfit) =
+        fit.map_err(|source| CalibrateError::Fit { step: "geometry", source })?;
+    log::debug!("{} corners, misfit {misfit:.3} panel px", pairs.len());
+    judge::on_panel(&geometry, layout.panel)?;
+    let board = Board { near, corners, capture, black };
+    check_place(session, &board)?;
+    Ok((geometry, Some(board)))
 }
 
-/// Captures the checkerboard in `channel` and finds its corners, (sensor, panel).
+/// Captures the checkerboard in green and finds its corners, (sensor, panel).
 fn corners(
     session: &mut Session<'_>,
     near: &Affine,
-    channel: Channel,
     black: &Plane,
 ) -> Result<Vec<Pair>, CalibrateError> {
     let (layout, square_px) = (session.layout, session.config.calibration.checker_square_px);
-    let shown = patterns::checkerboard(layout.panel, square_px, channel);
-    let over = difference(session.counts(&shown)?.plane(channel), black);
+    let shown = patterns::checkerboard(layout.panel, square_px, Channel::Green);
+    let over = difference(session.counts(&shown)?.plane(Channel::Green), black);
     let corners =
         checkerboard::corners(&over, layout.panel, square_px, near).map_err(judge::board)?;
     let expected = checkerboard::in_view(layout.sensor, layout.panel, square_px, near);
@@ -92,12 +78,12 @@ fn corners(
     Ok(corners)
 }
 
-/// Checks how far the green board has moved.
+/// Checks how far the board has moved.
 ///
 /// # Errors
 /// [`CalibrateError::Moving`] if it moved too far or too fast.
 pub(super) fn check_place(session: &mut Session<'_>, board: &Board) -> Result<(), CalibrateError> {
-    let again = corners(session, &board.near, Channel::Green, &board.black)?;
+    let again = corners(session, &board.near, &board.black)?;
     let at_px = judge::displacement(&board.corners, &again);
     let then = PanelPlace { capture: board.capture, at_px: (0.0, 0.0) };
     motion::check(&[then, PanelPlace { capture: session.captures(), at_px }])

@@ -42,7 +42,8 @@ const FOLLOWED_MAX: usize = 4;
 /// Brightest level of the dominant picture shown to measure ‖K‖.
 const DOMINANT_LEVEL: f32 = 220.0;
 
-/// Measures functions, norm, noise and operator error, and folds centroids into the geometry.
+/// Measures functions, norm, noise and operator error, and folds green's centroids into the
+/// geometry.
 pub(super) fn measure(
     session: &mut Session<'_>,
     calibration: &mut Calibration,
@@ -75,7 +76,7 @@ pub(super) fn measure(
     measure_norms(session, calibration, &correction, model)
 }
 
-/// Folds the centroids of roughly measured functions into the geometry.
+/// Folds the centroids of green's roughly measured functions into the geometry.
 fn centre(session: &mut Session<'_>, calibration: &mut Calibration) -> Result<(), CalibrateError> {
     session.step("centring");
     let layout = session.layout;
@@ -204,10 +205,10 @@ fn fitted(
     })
 }
 
-/// Mean centroid of `functions`, on pixels of `pixel_px`.
+/// Mean centroid of green's `functions`, on pixels of `pixel_px`.
 fn off_centre(functions: &LensFunctions, pixel_px: usize) -> (f64, f64) {
-    let count = 3 * functions.rows * functions.columns;
-    let taps = functions.taps.iter().flat_map(|taps| taps.chunks(functions.support_px.pow(2)));
+    let count = functions.rows * functions.columns;
+    let taps = functions.taps[Channel::Green.index()].chunks(functions.support_px.pow(2));
     let centroids = taps.map(|taps| lens_blur::centroid(taps, functions.support_px));
     let (x, y) = centroids.fold((0.0, 0.0), |sum, at| (sum.0 + at.0, sum.1 + at.1));
     let share = pixel_px as f64 / count as f64;
@@ -224,12 +225,13 @@ fn recentre(
 ) -> Result<(), CalibrateError> {
     let fit = |source| CalibrateError::Fit { step: "centring", source };
     let domain = session.layout.domain();
-    for c in Channel::ALL {
-        let moved = lens_blur::displacement(functions, c, calibration.photo, domain, pixel_px)
-            .map_err(fit)?;
-        let geometry = &mut calibration.geometry[c.index()];
-        *geometry = geometry.recentred(&moved).map_err(fit)?;
-    }
+    let moved = lens_blur::displacement(functions, calibration.photo, domain, pixel_px);
+    // Functions that do not stand out have no centroid.
+    let moved = moved.map_err(|_| {
+        let found = "the lens functions do not stand out of the noise".to_owned();
+        CalibrateError::WrongFocus(found, "sharp enough for three times the noise".to_owned())
+    })?;
+    calibration.geometry = calibration.geometry.recentred(&moved).map_err(fit)?;
     Ok(())
 }
 
@@ -243,8 +245,8 @@ fn measure_noise(
     let gradation = photometric::gradation(session, calibration, apart, 99);
     let codes = gradation.grey();
     let pair = [correction.see(&session.raw(&codes)?), correction.see(&session.raw(&codes)?)];
+    let flat = photometric::flat_places(session, calibration, &gradation);
     for c in Channel::ALL {
-        let flat = photometric::flat_places(session, calibration, c, &gradation);
         let [first, second] = pair.each_ref().map(|seen| seen.light.plane(c));
         let refuse = || CalibrateError::Response(c, "its noise cannot be measured".to_owned());
         calibration.noise[c.index()] =

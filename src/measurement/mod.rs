@@ -5,7 +5,7 @@
 //! | trials | 2 black, 1 white | checks of exposure, view and settle time; black level |
 //! | linearity | 13 (if `linearity` and the exposure can be set) | camera curve and its check |
 //! | response pattern | 8 black, `response-flats` at 224 (each once) | response of sites |
-//! | geometry | locator, 3 checkerboards, 1 again | Work ↔ panel; check of focus |
+//! | geometry | locator, checkerboard, again | Work ↔ panel; check of focus |
 //! | dark corner | 3 flats at 128 | ratio surfaces |
 //! | cross-channel | 3 gradations per channel | C, response curves |
 //! | centring | grey, 5 patterns of coarse squares, twice | centroids, folded into the geometry |
@@ -86,7 +86,7 @@ pub fn calibrate(
 pub fn captures(config: &config::RigFile) -> u32 {
     let board = match config.calibration.geometry {
         config::Alignment::Checkerboard => {
-            (1 + 3 + 1, lens::CENTRINGS * (1 + lens::CENTRING_PATTERNS))
+            (1 + 1 + 1, lens::CENTRINGS * (1 + lens::CENTRING_PATTERNS))
         }
         config::Alignment::OneToOne => (0, 0),
     };
@@ -108,7 +108,7 @@ pub fn captures(config: &config::RigFile) -> u32 {
 }
 
 /// A calibration with `geometry` and neutral values.
-fn blank(config: &config::RigFile, geometry: [Geometry; 3]) -> Calibration {
+fn blank(config: &config::RigFile, geometry: Geometry) -> Calibration {
     let domain = Layout::of(config).domain();
     let one = || Surface::constant(domain, 1.0);
     Calibration {

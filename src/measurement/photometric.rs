@@ -94,7 +94,7 @@ pub(super) fn gradation(
     supports: f64,
     seed: u64,
 ) -> Gradation {
-    let map = &calibration.geometry[1].work_to_panel;
+    let map = &calibration.geometry.work_to_panel;
     let (a, b) = (map.at(0.0, 0.0), map.at(1.0, 0.0));
     let panel_px_per_work_px = (b.0 - a.0).hypot(b.1 - a.1);
     let wide = supports * support_px(session) * panel_px_per_work_px;
@@ -129,19 +129,18 @@ fn read(
             counts: [0, 1, 2].map(|k| mean(&over.planes()[k], sensor, reach) / share),
         }
     };
-    middles(session, calibration, channel, gradation, reach).map(reading).collect()
+    middles(session, calibration, gradation, reach).map(reading).collect()
 }
 
 /// Blocks whose middles lie on the canvas, with their centres in photo pixels.
 fn middles<'a>(
     session: &Session<'_>,
     calibration: &'a Calibration,
-    channel: Channel,
     gradation: &'a Gradation,
     reach: f64,
 ) -> impl Iterator<Item = (GradationBlock, (f64, f64))> + use<'a> {
     let domain = session.layout.domain();
-    let map = &calibration.geometry[channel.index()].panel_to_work;
+    let map = &calibration.geometry.panel_to_work;
     gradation.blocks().filter_map(move |block| {
         let (x, y) = map.at(block.centre.0, block.centre.1);
         let inside = x - reach >= domain.left
@@ -152,11 +151,10 @@ fn middles<'a>(
     })
 }
 
-/// The middles of a wide gradation's blocks on the canvas, in `channel`.
+/// The middles of a wide gradation's blocks on the canvas.
 pub(super) fn flat_places(
     session: &Session<'_>,
     calibration: &Calibration,
-    channel: Channel,
     gradation: &Gradation,
 ) -> Vec<Rect> {
     let reach = (SUPPORTS_FLAT * support_px(session)).floor().max(1.0);
@@ -164,7 +162,7 @@ pub(super) fn flat_places(
     let first = |at: f64| (at + margin - reach).round().max(0.0) as usize;
     let side = 2 * reach as usize + 1;
     let area = |(_, (x, y))| Rect { x: first(x), y: first(y), size: Size::new(side, side) };
-    middles(session, calibration, channel, gradation, reach).map(area).collect()
+    middles(session, calibration, gradation, reach).map(area).collect()
 }
 
 fn support_px(session: &Session<'_>) -> f64 {

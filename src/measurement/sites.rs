@@ -48,7 +48,6 @@ pub(super) fn pattern(
     let rim = rim_px(session.config);
     let photo = Rect { x: 0, y: 0, size: calibration.photo };
     let (mut ratios, mut shares, mut darks) = (Vec::new(), Vec::new(), Vec::new());
-    let mut columns = Vec::new();
     for c in Channel::ALL {
         let over = difference(light.plane(c), dark.plane(c));
         let surface = smooth(&over, &layout, rim, "response pattern")?;
@@ -60,13 +59,12 @@ pub(super) fn pattern(
         ratios.push(ratio);
         shares.push(share);
         let smooth_dark = layout.on_canvas(&calibration.black[c.index()]);
-        columns.push(layout.on_canvas(&calibration.geometry[c.index()].work_to_panel.x));
         darks.push(difference(&on_canvas(dark.plane(c), &layout), &smooth_dark));
     }
     let seen = EvenlyLit {
         ratio: &frame(ratios, &layout),
         share: &frame(shares, &layout),
-        panel: &frame(columns, &layout),
+        panel: &layout.panel_columns(&calibration.geometry),
         dark: &frame(darks, &layout),
         mosaic: layout.canvas_mosaic(),
         rim_px: rim,

@@ -9,7 +9,7 @@ use crate::deconvolution::colour_focus::ColourFocus;
 use crate::deconvolution::focus::{FocusData, FocusSeries, FoundFocus};
 use crate::deconvolution::lens_model::LensFunctions;
 use crate::deconvolution::level_norms::LevelNorms;
-use crate::frame::{Channel, Frame, Work};
+use crate::frame::Channel;
 
 /// The lens as measured at several focus offsets, the panel's included; empty where it was measured
 /// at the panel's alone.
@@ -76,8 +76,7 @@ impl Pipeline {
     /// Fits the lens of `photo` to the [focus of its colours](ColourFocus).
     pub(super) fn fit_colours(&self, photo: &mut Prepared<'_>) {
         let (observation, lens) = (&photo.observation, self.lens_of(photo));
-        let line_up = |light: &Frame<Work>| self.photo_side.line_up_colours(light, [0.0; 2]);
-        let Some(colours) = ColourFocus::of(&lens.model, observation, line_up) else { return };
+        let Some(colours) = ColourFocus::of(&lens.model, observation) else { return };
         let norms = Norms {
             norm_squared: colours.norms_squared(&lens.norm_squared),
             level_norms: colours.level_norms(&lens.level_norms),
@@ -90,7 +89,10 @@ impl Pipeline {
             }),
         };
         let functions = colours.functions(lens.model.functions());
-        if let Some(lens) = self.lens_with(photo, &functions, norms) {
+        let Some(mut lens) = self.lens_with(photo, &functions, norms) else { return };
+        let halos = colours.halos(&self.halos);
+        if let Ok(model) = Arc::unwrap_or_clone(lens.model).with_broad_light(&halos, self.beyond) {
+            lens.model = Arc::new(model);
             photo.lens = Some(lens);
         }
     }

@@ -41,7 +41,7 @@ use crate::calibration::correction::{Correction, CorrectionError, Layout};
 use crate::calibration::photo_side::PhotoSide;
 use crate::calibration::{Calibration, CrossChannel, Noise};
 use crate::config;
-use crate::deconvolution::lens_model::{LensModel, LensModelError};
+use crate::deconvolution::lens_model::{Beyond, Halo, LensModel, LensModelError};
 use crate::deconvolution::method::WAVELET_LEVELS;
 use crate::deconvolution::method::digital::Digital;
 use crate::deconvolution::method::total_variation::TotalVariation;
@@ -67,7 +67,8 @@ pub struct Pipeline {
     counts_per_level: [f32; 3],
     /// Counts of the rig's camera for each grey level, from its black to its largest count.
     own_counts_per_level: f32,
-    black_surround: bool,
+    halos: [Vec<Halo>; 3],
+    beyond: Beyond,
     model_error: ModelError,
     reference: TotalVariation,
     digital: Digital,
@@ -101,14 +102,15 @@ impl Pipeline {
                 level_norms: calibration.level_norms.clone(),
                 at_sites: calibration.at_sites.clone().map_or_else(OnceLock::new, OnceLock::from),
             },
-            photo_side: PhotoSide::new(calibration, &layout),
+            photo_side: PhotoSide::new(calibration),
             focuses: Focuses::of(calibration),
             noise: calibration.noise,
             site_noise: site_noise(calibration),
             counts_per_level: calibration.counts_per_level,
             own_counts_per_level: own_counts_per_level(rig, calibration),
             capture_noise: calibration.noise.map(|noise| noise.sigma(FULL_SCALE / 2.0)),
-            black_surround: layout.margin_px == 0,
+            halos: calibration.broad.clone(),
+            beyond: calibration.beyond(),
             model_error: ModelError::of(calibration),
             reference: TotalVariation::default(),
             digital: Digital::default(),

@@ -27,6 +27,7 @@ use crate::deconvolution::blocking::blocking_of;
 use crate::deconvolution::data_term::{self, MISSING, SATURATED, TRUSTED};
 use crate::deconvolution::focus::{SpectralFinding, check_spectrum};
 use crate::deconvolution::jpeg::{JpegTerm, Stated, coded_twice};
+use crate::deconvolution::lens_model::Beyond;
 use crate::deconvolution::observation::{Developed, Jpeg, Observation, Raw};
 use crate::frame::{Channel, Channels, Coding, FULL_SCALE, Frame, Plane, RawSites, Rect, Work};
 use crate::picture::Tone;
@@ -99,7 +100,7 @@ impl Pipeline {
     ) -> Prepared<'a> {
         let mut prepared = self.prepare_developed(photo, channels);
         // Divided by the dark corner, the light is no longer the coefficients'.
-        if self.black_surround {
+        if self.beyond == Beyond::Dark {
             return prepared;
         }
         let once = !coded_twice(coding);
@@ -225,7 +226,7 @@ impl Pipeline {
         let layout = self.correction.layout();
         let (canvas, rect) = data_term::canvas_of(photo.size(), layout.margin_px);
         let mut flat = even.as_ref().clone();
-        if self.black_surround {
+        if self.beyond == Beyond::Dark {
             self.photo_side.undo_dark_corner(&mut flat);
         }
         let trust = Frame::from_fn(|c| {
@@ -234,9 +235,9 @@ impl Pipeline {
             let inner = photo.plane(c).map(|v: f32| if v >= full { SATURATED } else { TRUSTED });
             data_term::place(&inner, canvas, rect, MISSING)
         });
-        let light = Frame::from_fn(|c| match self.black_surround {
-            true => data_term::place(flat.plane(c), canvas, rect, 0.0),
-            false => data_term::place_with_edges(flat.plane(c), canvas, rect),
+        let light = Frame::from_fn(|c| match self.beyond {
+            Beyond::Dark => data_term::place(flat.plane(c), canvas, rect, 0.0),
+            Beyond::LikeTheBorder => data_term::place_with_edges(flat.plane(c), canvas, rect),
         });
         let estimate = |c: Channel| self.estimate_noise(c, even.plane(c));
         let (red, (green, blue)) = rayon::join(

@@ -2,6 +2,7 @@
 
 use super::Pipeline;
 use crate::deconvolution::data_term;
+use crate::deconvolution::lens_model::Beyond;
 use crate::frame::{Frame, Work};
 use crate::rig::RigError;
 use crate::rig::exposure::Devices;
@@ -21,9 +22,9 @@ impl Pipeline {
         let margin_px = self.correction.layout().margin_px;
         let (canvas, rect) = data_term::canvas_of(scene.size(), margin_px);
         let placed = Frame::from_fn(|c| data_term::place_with_edges(scene.plane(c), canvas, rect));
-        let exposed = rig.capture(&self.correction.show_scene(&placed))?;
+        let exposed = rig.capture(&self.correction.show(&placed))?;
         let mut photo = self.correction.see(&exposed.counts).light.crop(rect);
-        if self.black_surround {
+        if self.beyond == Beyond::Dark {
             self.photo_side.put_dark_corner(&mut photo);
         }
         Ok(photo)

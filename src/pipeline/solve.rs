@@ -6,9 +6,8 @@ use super::Pipeline;
 use super::stages::{BoundedLens, Prepared, Solved};
 use crate::deconvolution::focus::OpticsAtFocus;
 use crate::deconvolution::forward_convolution::ForwardConvolution;
-use crate::deconvolution::lateral_colour::lateral_colour_px;
 use crate::deconvolution::method::{About, Method, MethodError, Problem, Solution, Watch};
-use crate::frame::{Channels, Frame, Work};
+use crate::frame::{Frame, Work};
 use crate::rig::exposure::Devices;
 
 impl Pipeline {
@@ -86,16 +85,7 @@ impl Pipeline {
         about: &'static About,
         solution: Solution,
     ) -> Solved {
-        let rect = photo.observation.rect;
-        let line_up = |corner_px| self.photo_side.line_up_colours(&solution.picture, corner_px);
-        let mut picture = match photo.observation.channels {
-            Channels::Colour => {
-                let functions = self.lens_of(photo).model.functions();
-                let lined_up = line_up([0.0; 2]);
-                line_up(lateral_colour_px(&lined_up, &photo.observation, functions)).crop(rect)
-            }
-            Channels::Green => solution.picture.crop(rect),
-        };
+        let mut picture = solution.picture.crop(photo.observation.rect);
         if let Some(outliers) = &photo.outliers {
             outliers.put_back(&mut picture, &photo.photo);
         }

@@ -131,7 +131,7 @@ fn calibration(folder: &Path) {
         generation: 3,
         photo: Size::new(40, 30),
         margin_px: 4,
-        geometry: [geometry.clone(), geometry.clone(), geometry],
+        geometry,
         dark_corner: [1.0, 1.1, 0.9].map(|d| Surface::plane(canvas, d, -0.005, 0.0)),
         cross_channel: CrossChannel { c: identity },
         camera_curve: CameraCurve::straight(),

@@ -30,7 +30,7 @@ fn beyond(rig: &config::RigFile, witness: &Witness, channel: Channel) -> f64 {
         };
         let place =
             [at(n % ALONG, photo.x, photo.size.width), at(n / ALONG, photo.y, photo.size.height)];
-        let function = witness.function(Light::PanelCentred, channel, place);
+        let function = witness.function(Light::Panel, channel, place);
         let skip = (function.width().saturating_sub(side)) / 2;
         let rows = skip..(skip + side).min(function.height());
         let inside =

@@ -28,13 +28,12 @@ fn calibrated(config: &config::RigFile) -> Calibrated {
     Calibrated { rig, witness, calibration }
 }
 
-/// RMS distance on the sensor, pixels, between Work positions and the centroids of the light shown
-/// for them, over the photo.
+/// RMS distance on the sensor, pixels, between Work positions and the centroids of the green
+/// light shown for them, over the photo.
 fn geometry_error_px(
     config: &config::RigFile,
     witness: &Witness,
     calibration: &Calibration,
-    c: Channel,
 ) -> f64 {
     let photo = config.photo.size();
     let (mut squared, mut count) = (0.0, 0.0);
@@ -42,8 +41,8 @@ fn geometry_error_px(
         for i in 0..33 {
             let x = (photo.width - 1) as f64 * f64::from(i) / 32.0;
             let y = (photo.height - 1) as f64 * f64::from(j) / 24.0;
-            let (u, v) = calibration.geometry[c.index()].work_to_panel.at(x, y);
-            let [sx, sy] = witness.panel_to_sensor(c, [u, v]);
+            let (u, v) = calibration.geometry.work_to_panel.at(x, y);
+            let [sx, sy] = witness.panel_to_sensor(Channel::Green, [u, v]);
             let (dx, dy) = (
                 sx - x - config.camera.photo_x_px as f64,
                 sy - y - config.camera.photo_y_px as f64,
@@ -127,9 +126,11 @@ fn operator_error(
 /// Checks all bounds of a calibration but the operator error's.
 fn score(config: &config::RigFile, witness: &Witness, calibration: &Calibration) {
     let mixing = witness.cross_channel();
+    let geometry = geometry_error_px(config, witness, calibration);
+    println!("geometry {geometry:.3} px");
+    assert!(geometry <= 0.15, "geometry is {geometry:.3} px off");
     for c in Channel::ALL {
         let i = c.index();
-        let geometry = geometry_error_px(config, witness, calibration, c);
         let dark = dark_corner_error(config, witness, calibration, c);
         let mut c_error = 0.0f64;
         for (to, row) in mixing.iter().enumerate() {
@@ -144,7 +145,7 @@ fn score(config: &config::RigFile, witness: &Witness, calibration: &Calibration)
         let gain =
             f64::from(calibration.counts_per_level[i]) / witness.counts_per_level() / mixing[i][i];
         println!(
-            "{:5}: geometry {geometry:.3} px, dark corner {:.3} %, C {c_error:.4}, curve \
+            "{:5}: dark corner {:.3} %, C {c_error:.4}, curve \
              {curve:.3}, gain {gain:.4}, \
              ‖K‖² {:.4} seen {:.4}, noise {:.2} (truth {:.2}), own operator error {:.2}",
             c.name(),
@@ -155,7 +156,6 @@ fn score(config: &config::RigFile, witness: &Witness, calibration: &Calibration)
             witness.noise_levels(128.0),
             calibration.operator_error[i],
         );
-        assert!(geometry <= 0.15, "geometry of {} is {geometry:.3} px off", c.name());
         assert!(dark <= 0.005, "dark corner of {} is {:.2} % off", c.name(), 100.0 * dark);
         assert!(c_error <= 0.01, "C from {} is {c_error:.4} off", c.name());
         assert!(curve <= 0.5, "curve of {} is {curve:.3} off", c.name());

@@ -134,12 +134,8 @@ fn time_of_show_and_see() {
         })
         .collect();
     let (geometry, _) = Geometry::fit(canvas, &pairs).unwrap();
-    let calibration = Calibration {
-        photo: Size::new(1024, 768),
-        margin_px: 32,
-        geometry: [geometry.clone(), geometry.clone(), geometry],
-        ..calibration()
-    };
+    let calibration =
+        Calibration { photo: Size::new(1024, 768), margin_px: 32, geometry, ..calibration() };
     let layout = Layout {
         panel: Size::new(1920, 1080),
         subpixels: Subpixels::Whole,

@@ -96,14 +96,13 @@ pub fn centroid(taps: &[f32], support_px: usize) -> (f64, f64) {
     moments(&kept, support_px).0
 }
 
-/// Displacement of the light at each Work position, smooth over `canvas`, from the centroids of one
-/// channel's functions on pixels of `pixel_px` Work pixels.
+/// Displacement of the light at each Work position, smooth over `canvas`, from the centroids of
+/// green's functions on pixels of `pixel_px` Work pixels.
 ///
 /// # Errors
 /// When there are too few functions for a smooth map.
 pub fn displacement(
     functions: &LensFunctions,
-    channel: Channel,
     photo: Size,
     canvas: Domain,
     pixel_px: usize,
@@ -113,7 +112,7 @@ pub fn displacement(
     let mut pairs = Vec::new();
     for row in 0..functions.rows {
         for column in 0..functions.columns {
-            let taps = functions.function(channel, row, column);
+            let taps = functions.function(Channel::Green, row, column);
             let from = (
                 centre(column, functions.columns, photo.width),
                 centre(row, functions.rows, photo.height),

@@ -36,7 +36,7 @@ pub(crate) fn calibration() -> Calibration {
         generation: 7,
         photo: Size::new(40, 30),
         margin_px: 4,
-        geometry: [geometry.clone(), geometry.clone(), geometry],
+        geometry,
         dark_corner: [1.0, 1.1, 0.9].map(|d| Surface::plane(canvas, d, -0.005, 0.0)),
         cross_channel: CrossChannel { c: [[1.0, 0.1, 0.02], [0.07, 1.0, 0.11], [0.01, 0.15, 1.0]] },
         camera_curve: CameraCurve::straight(),

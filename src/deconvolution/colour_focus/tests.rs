@@ -12,9 +12,9 @@ fn measured() -> LensFunctions {
     gaussians([2.0, 1.2, 1.7])
 }
 
-/// The shares of `photo` through the lens of `functions`, which has no lateral aberration.
+/// The shares of `photo` through the lens of `functions`.
 fn found(functions: &LensFunctions, photo: &Observation) -> Option<ColourFocus> {
-    ColourFocus::of(&lens(functions), photo, Frame::clone)
+    ColourFocus::of(&lens(functions), photo)
 }
 
 /// Shares of lenses.
@@ -101,4 +101,20 @@ fn norms_are_within_their_bounds() {
     }
     let squared = ColourFocus { red_green: 0.1, blue: -0.1 }.norms_squared(&[0.9, 1.0, 0.8]);
     assert_eq!(squared.map(|v| (1000.0 * v).round()), [1000.0, 1000.0, 968.0]);
+}
+
+#[test]
+fn broad_light_is_mixed_and_not_extrapolated() {
+    let halo = |radius_px: f32, share: f32| Halo { radius_px, share };
+    let measured = [vec![halo(10.0, 0.02)], vec![halo(10.0, 0.03)], vec![halo(20.0, 0.04)]];
+    let near = |found: &[Halo], wanted: &[Halo]| {
+        let pairs = found.iter().zip(wanted);
+        found.len() == wanted.len()
+            && pairs.map(|(a, b)| (a.share - b.share).abs()).all(|off| off < 1e-6)
+    };
+    let [red, green, blue] = ColourFocus { red_green: 0.5, blue: 0.25 }.halos(&measured);
+    assert!(near(&red, &[halo(10.0, 0.025)]), "{red:?}");
+    assert_eq!(green, measured[1]);
+    assert!(near(&blue, &[halo(20.0, 0.03), halo(10.0, 0.0075)]), "{blue:?}");
+    assert_eq!(ColourFocus { red_green: -0.1, blue: 0.0 }.halos(&measured)[0], measured[0]);
 }
