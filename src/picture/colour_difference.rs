@@ -1,5 +1,8 @@
 //! Perceived colour: CIELAB of sRGB codes, and the colour difference CIEDE2000.
 
+use super::tone;
+use crate::config::Curve;
+
 /// A colour of CIELAB under D65: lightness 0..100, then green to red and blue to yellow.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Lab {
@@ -14,10 +17,7 @@ pub struct Lab {
 impl Lab {
     /// The colour of sRGB codes 0..255 (IEC 61966-2-1; CIE 15:2004 for L*a*b*).
     pub fn of_srgb(codes: [f32; 3]) -> Lab {
-        Lab::of(codes.map(|code| match f64::from(code) / 255.0 {
-            v if v <= 0.040_45 => v / 12.92,
-            v => ((v + 0.055) / 1.055).powf(2.4),
-        }))
+        Lab::of(codes.map(|code| tone::light(Curve::Srgb, f64::from(code) / 255.0)))
     }
 
     /// The colour of linear light 0..255 with sRGB's primaries; light outside the range is clipped.

@@ -72,12 +72,7 @@ pub enum PixelLayout {
 impl PixelLayout {
     /// The number of samples, alpha included.
     pub const fn samples(self) -> usize {
-        match self {
-            PixelLayout::Grey => 1,
-            PixelLayout::GreyAlpha => 2,
-            PixelLayout::Rgb => 3,
-            PixelLayout::RgbAlpha => 4,
-        }
+        (if self.is_grey() { 1 } else { 3 }) + self.has_alpha() as usize
     }
 
     /// Whether there is one grey sample in place of three colours.
@@ -129,9 +124,6 @@ pub(super) struct Heading {
 }
 
 /// Walks a whole photo to its end without decoding anything.
-///
-/// # Errors
-/// The [`Flaw`] of the file, as far as the walk finds it.
 pub(super) fn walk(bytes: &[u8], limits: &Limits) -> Result<Heading, Flaw> {
     if bytes.len() as u64 > limits.bytes_max {
         return Err(Flaw::TooLong { found: bytes.len() as u64, allowed: limits.bytes_max });

@@ -20,9 +20,6 @@ const PREVIEW_QUALITY: u8 = 88;
 /// The file for `picture` (linear light 0..255, stored orientation), named `name` in errors.
 ///
 /// Grey layouts get the green plane alone; with `grey`, colour layouts get it in all channels.
-///
-/// # Errors
-/// [`PictureError::Encode`].
 pub fn encode(
     name: &str,
     picture: &Frame<Work>,
@@ -36,9 +33,6 @@ pub fn encode(
 impl Photo {
     /// The file of `picture` (linear light 0..255, the photo's stored orientation) in `format`,
     /// with the photo's metadata.
-    ///
-    /// # Errors
-    /// [`PictureError::Encode`].
     pub fn with_picture(
         &self,
         picture: &Frame<Work>,
@@ -65,9 +59,6 @@ impl Photo {
 }
 
 /// A small JPEG of `picture`, upright, at most `longest_px` on its longer side.
-///
-/// # Errors
-/// [`PictureError::Encode`].
 pub fn preview(
     name: &str,
     picture: &Frame<Work>,
@@ -80,14 +71,12 @@ pub fn preview(
     let scaled = |n: usize| ((n * longest_px + longest / 2) / longest).max(1);
     let layout = if manner.layout.is_grey() { PixelLayout::Grey } else { PixelLayout::Rgb };
     let manner = Manner { format: Format::Jpeg, layout, exif: None, alpha: None, ..manner.clone() };
-    let result = if longest > longest_px {
+    let small = (longest > longest_px).then(|| {
         let small = Size::new(scaled(size.width), scaled(size.height));
-        let picture = Frame::from_fn(|channel| resize(picture.plane(channel), small));
-        encoded(&picture, &manner, grey, PREVIEW_QUALITY)
-    } else {
-        encoded(picture, &manner, grey, PREVIEW_QUALITY)
-    };
-    result.map_err(|source| PictureError::Encode { name: name.to_owned(), source })
+        Frame::from_fn(|channel| resize(picture.plane(channel), small))
+    });
+    encoded(small.as_ref().unwrap_or(picture), &manner, grey, PREVIEW_QUALITY)
+        .map_err(|source| PictureError::Encode { name: name.to_owned(), source })
 }
 
 fn encoded(

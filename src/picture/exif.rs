@@ -223,18 +223,11 @@ fn update(exif: &[u8], updated: &mut [u8], size: Size) -> Result<(), Flaw> {
 fn write(file: &File<'_>, updated: &mut [u8], entry: usize, value: usize) -> Result<(), Flaw> {
     file.first(entry)?;
     let (at, big) = (entry + 8, file.big_endian);
-    match file.u16(entry + 2)? {
-        3 => {
-            let short = u16::try_from(value).unwrap_or(u16::MAX);
-            let bytes = if big { short.to_be_bytes() } else { short.to_le_bytes() };
-            updated[at..at + 2].copy_from_slice(&bytes);
-        }
-        _ => {
-            let long = value as u32;
-            let bytes = if big { long.to_be_bytes() } else { long.to_le_bytes() };
-            updated[at..at + 4].copy_from_slice(&bytes);
-        }
-    }
+    let (width, most) = if file.u16(entry + 2)? == 3 { (2, 0xffff) } else { (4, u32::MAX) };
+    let number = u32::try_from(value).unwrap_or(most).min(most);
+    let (greatest_first, least_first) = (number.to_be_bytes(), number.to_le_bytes());
+    let bytes = if big { &greatest_first[4 - width..] } else { &least_first[..width] };
+    updated[at..at + width].copy_from_slice(bytes);
     Ok(())
 }
 

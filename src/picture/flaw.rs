@@ -10,153 +10,74 @@ use crate::remedy::{Remediable, Remedy};
 
 /// A flaw of a file's content; [`PictureError`] adds the file's name.
 #[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)] // The sentences describe them.
 pub enum Flaw {
-    /// Zero bytes long.
     #[error("the file is empty: found 0 bytes, allowed a whole photo")]
     Empty,
-    /// Not a plain file.
     #[error("this is no plain file: found {found}, allowed a photo file")]
-    NotAFile {
-        /// What it is.
-        found: &'static str,
-    },
-    /// Longer than the limit.
+    NotAFile { found: &'static str },
     #[error("the file is too long: found {found} bytes, allowed {allowed}")]
-    TooLong {
-        /// Its length.
-        found: u64,
-        /// The limit.
-        allowed: u64,
-    },
+    TooLong { found: u64, allowed: u64 },
     /// Zeros in place of the picture, as a copy leaves that reserved the space and did not fill it.
     #[error(
         "the file was never filled: found nothing but zero bytes from byte {from} to byte {to} of \
          {length}, allowed picture data; copy it again"
     )]
-    ZeroFilled {
-        /// First zero byte.
-        from: usize,
-        /// One past the last zero byte.
-        to: usize,
-        /// Length of the file.
-        length: usize,
-    },
-    /// No photo.
+    ZeroFilled { from: usize, to: usize, length: usize },
     #[error(
         "this is not a photo: found {found}, allowed JPEG, PNG, TIFF, WebP, BMP, GIF or PPM; if an \
          image program opens it, save it there as JPEG or PNG"
     )]
-    NotAPhoto {
-        /// The kind of file.
-        found: String,
-    },
-    /// A photo of a kind that is not read.
+    NotAPhoto { found: String },
     #[error(
         "this kind of photo is not read: found {found}, allowed JPEG, PNG, TIFF, WebP, BMP, GIF or \
          PPM; {to_do}"
     )]
-    Unread {
-        /// The kind of file.
-        found: &'static str,
-        /// The advice.
-        to_do: &'static str,
-    },
-    /// The file ends before the picture does.
+    Unread { found: &'static str, to_do: &'static str },
     #[error(
         "the {kind} file is cut short: found {found}, allowed a file that goes on to {end}; copy \
          it again"
     )]
-    Truncated {
-        /// Kind of file.
-        kind: &'static str,
-        /// Where it stops.
-        found: String,
-        /// What a whole file ends with.
-        end: &'static str,
-    },
-    /// The file is complete but not valid.
+    Truncated { kind: &'static str, found: String, end: &'static str },
     #[error(
         "the {kind} file is damaged: found {found}, allowed {allowed}; copy it again, or save it \
          anew in an image program"
     )]
-    Damaged {
-        /// Kind of file.
-        kind: &'static str,
-        /// What was found.
-        found: String,
-        /// What is valid.
-        allowed: String,
-    },
+    Damaged { kind: &'static str, found: String, allowed: String },
     /// More pixels than the limit, by the header, before anything is allocated.
     #[error(
         "the picture is too large: found {found} pixels by its header, allowed {allowed} pixels \
          in all; save it smaller, in the same shape"
     )]
-    Oversized {
-        /// Width and height by the header.
-        found: Size,
-        /// Largest area.
-        allowed: u64,
-    },
-    /// A variety of the format that is not read.
+    Oversized { found: Size, allowed: u64 },
     #[error("this variety of {kind} is not read: found {found}, allowed {allowed}")]
-    Unsupported {
-        /// Kind of file.
-        kind: &'static str,
-        /// What was found.
-        found: String,
-        /// The varieties that are read.
-        allowed: &'static str,
-    },
+    Unsupported { kind: &'static str, found: String, allowed: &'static str },
     /// The decoder refused it, or panicked.
     #[error(
         "the {kind} data cannot be decoded, allowed are whole and valid files; copy the file \
          again, or save it anew in an image program"
     )]
-    Undecodable {
-        /// Kind of file.
-        kind: &'static str,
-    },
+    Undecodable { kind: &'static str },
     /// The result would be smaller, which the rig file refuses.
     #[error(
         "the result would be smaller than the photo: found {found}, allowed at most {allowed} by \
          run.larger-photos = \"refuse\" in the rig file; save the photo at that size, or remove \
          that line"
     )]
-    Larger {
-        /// Width and height as stored.
-        found: Size,
-        /// The rig's photo size.
-        allowed: Size,
-    },
-    /// Not the rig's shape.
+    Larger { found: Size, allowed: Size },
     #[error(
         "the photo does not have this rig's shape: found {found}{held}, allowed {allowed} or the \
          same shape at another size; take the photo again in that shape, not cropped: the lens's \
          blur differs from place to place, and a crop does not state its place"
     )]
-    Shape {
-        /// Width and height as stored.
-        found: Size,
-        /// How the camera was held, if that explains the shape.
-        held: &'static str,
-        /// The rig's photo size.
-        allowed: Size,
-    },
+    Shape { found: Size, held: &'static str, allowed: Size },
     /// A raw photo of another size than the rig's sensor and photo.
     #[error(
         "a raw photo is not resampled: found {found} sites, allowed the rig's whole sensor, \
          {sensor}, or its photo, {allowed}; set the camera to raw photos of one of these sizes, \
          or develop it and save it as TIFF of 16 bits"
     )]
-    RawSize {
-        /// Sites of the file.
-        found: Size,
-        /// The rig's photo size.
-        allowed: Size,
-        /// The sites of the rig's sensor.
-        sensor: Size,
-    },
+    RawSize { found: Size, allowed: Size, sensor: Size },
     /// A raw photo that this rig's camera cannot have taken as it is set: the finding, and what is
     /// allowed.
     #[error("this raw photo {0}")]
@@ -165,57 +86,25 @@ pub enum Flaw {
 
 /// Why a photo could not be read, or a result not encoded.
 #[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)] // The sentences describe them.
 pub enum PictureError {
-    /// The file cannot be read.
     #[error("cannot read the photo {path}")]
-    Read {
-        /// The file.
-        path: PathBuf,
-        /// The cause.
-        #[source]
-        source: std::io::Error,
-    },
-    /// The file is no photo that this rig can restore.
+    Read { path: PathBuf, source: std::io::Error },
     #[error("{name}: {flaw}")]
     Refused {
-        /// The file's name.
         name: String,
-        /// Its flaw.
         #[source]
         flaw: Flaw,
     },
-    /// The worker refused the file.
     #[error("{message}")]
-    RefusedByWorker {
-        /// Its message.
-        message: String,
-        /// Whether more of the file may follow.
-        growth: Growth,
-    },
-    /// The worker died while reading the file.
+    RefusedByWorker { message: String, growth: Growth },
     #[error("{name}: the worker process died while reading this photo: {how}")]
-    Died {
-        /// The file's name.
-        name: String,
-        /// How it died, as far as known.
-        how: String,
-    },
-    /// No worker could be started.
+    Died { name: String, how: String },
     #[error("cannot start a worker to read photos")]
-    NoWorker {
-        /// The cause.
-        #[source]
-        source: std::io::Error,
-    },
+    NoWorker { source: std::io::Error },
     /// The result could not be encoded, which is a bug.
     #[error("cannot encode the result for {name}")]
-    Encode {
-        /// The file's name.
-        name: String,
-        /// The encoder's error.
-        #[source]
-        source: image::ImageError,
-    },
+    Encode { name: String, source: image::ImageError },
 }
 
 impl PictureError {

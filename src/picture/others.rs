@@ -9,9 +9,6 @@ const USUAL_DENSITIES: [u32; 3] = [0, 2835, 3780];
 
 /// Walks `bytes` of a BMP, GIF, PNM or WebP to the end that they state (BITMAPFILEHEADER; GIF89a,
 /// §27; RFC 9649, §2.4).
-///
-/// # Errors
-/// [`Flaw::Truncated`] or [`Flaw::ZeroFilled`].
 pub(super) fn walk(bytes: &[u8], content: Content) -> Result<Walked, Flaw> {
     let length = bytes.len();
     let zeros = bytes.iter().rev().take_while(|&&b| b == 0).count();

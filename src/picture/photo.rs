@@ -19,7 +19,7 @@ use super::{
     CameraColours, Flaw, Orientation, PhotoCamera, PictureError, PixelLayout, Tone, exif, shape,
     tone,
 };
-use crate::config::{Curve, RawResults};
+use crate::config::Curve;
 
 /// How a picture is written: format, depth, curve and metadata.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -124,9 +124,6 @@ impl Photo {
     }
 
     /// The photo in the plain file `file`, called `name`.
-    ///
-    /// # Errors
-    /// As [`Photo::read`].
     pub fn of_file(
         name: &str,
         file: File,
@@ -143,9 +140,6 @@ impl Photo {
     }
 
     /// The photo in `bytes`, called `name`.
-    ///
-    /// # Errors
-    /// [`PictureError::Refused`] with its [`Flaw`].
     pub fn from_bytes(
         name: &str,
         bytes: &[u8],
@@ -290,18 +284,6 @@ impl Photo {
         let note = format!("the photo was resampled from {found} to the rig's {allowed}{less}");
         self.losses.insert(0, note);
         Ok(self)
-    }
-
-    /// The same photo; if it is raw, with results of the format `results`.
-    #[must_use]
-    pub(super) fn with_raw_results(mut self, results: RawResults) -> Photo {
-        if self.raw.is_some() {
-            self.manner.format = match results {
-                RawResults::Tiff => Format::Tiff,
-                RawResults::Jpeg => Format::Jpeg,
-            };
-        }
-        self
     }
 
     /// Cuts the photo to `rect`.

@@ -29,9 +29,6 @@ struct Chunk<'a> {
 }
 
 /// Walks `bytes` from the signature to IEND.
-///
-/// # Errors
-/// [`Flaw::Truncated`], [`Flaw::ZeroFilled`] or [`Flaw::Damaged`].
 pub(super) fn walk(bytes: &[u8]) -> Result<Walked, Flaw> {
     if !bytes.starts_with(SIGNATURE) {
         if SIGNATURE.starts_with(bytes) {

@@ -8,7 +8,7 @@ use std::path::Path;
 use rustix::fs::{Mode, OFlags, SeekFrom, seek};
 
 use super::decode::{Limits, walk};
-use super::{Flaw, Growth, Photo, PictureError};
+use super::{Flaw, Format, Growth, Photo, PictureError};
 use crate::config::{Curve, LargerPhotos, RawResults, RigFile};
 use crate::frame::PhotoGrid;
 
@@ -67,11 +67,13 @@ impl ReadOptions {
     }
 
     /// Sets the result's format of `photo`, which is on the rig's grid, and checks its size.
-    ///
-    /// # Errors
-    /// [`Flaw::Larger`].
-    pub fn finish(&self, photo: Photo) -> Result<Photo, PictureError> {
-        let photo = photo.with_raw_results(self.raw_results);
+    pub fn finish(&self, mut photo: Photo) -> Result<Photo, PictureError> {
+        if photo.raw.is_some() {
+            photo.manner.format = match self.raw_results {
+                RawResults::Tiff => Format::Tiff,
+                RawResults::Jpeg => Format::Jpeg,
+            };
+        }
         let (found, allowed) = (photo.stored, photo.light.size());
         if self.larger_photos == LargerPhotos::Refuse && found.area() > allowed.area() {
             let flaw = Flaw::Larger { found, allowed };
@@ -120,9 +122,6 @@ fn hole_of(file: &File) -> Option<Range<usize>> {
 }
 
 /// The bytes of the photo in `path`, which is no link, pipe or device.
-///
-/// # Errors
-/// As [`Photo::read`].
 pub fn bytes_of(path: &Path, limits: &Limits) -> Result<Vec<u8>, PictureError> {
     let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy();
     read_bytes(open(path, &name)?, &name, limits)

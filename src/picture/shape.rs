@@ -13,9 +13,6 @@ pub(super) fn same_shape(found: Size, allowed: Size) -> bool {
 }
 
 /// Checks that a developed photo of the size `found`, stored in `orientation`, fits `grid`.
-///
-/// # Errors
-/// [`Flaw::Shape`].
 pub(super) fn check(found: Size, orientation: Orientation, grid: PhotoGrid) -> Result<(), Flaw> {
     let PhotoGrid { sensor, photo } = grid;
     let allowed = photo.size;

@@ -260,9 +260,6 @@ impl<'a> File<'a> {
 
     /// Checks that these strips or tiles, `plain` or packed, lie in the file and, if packed, are no
     /// hole.
-    ///
-    /// # Errors
-    /// [`Flaw::Truncated`] or [`Flaw::ZeroFilled`].
     pub(super) fn strips(
         &self,
         offsets: &[usize],
@@ -289,21 +286,18 @@ impl<'a> File<'a> {
         Ok(())
     }
 
+    fn array<const N: usize>(&self, at: usize) -> Result<[u8; N], Flaw> {
+        let here = self.bytes.get(at..).and_then(|rest| rest.first_chunk().copied());
+        here.ok_or_else(|| self.ended_early("a directory past the end"))
+    }
+
     pub(super) fn u16(&self, at: usize) -> Result<u16, Flaw> {
-        let b = self
-            .bytes
-            .get(at..at + 2)
-            .ok_or_else(|| self.ended_early("a directory past the end"))?;
-        let b = [b[0], b[1]];
+        let b = self.array(at)?;
         Ok(if self.big_endian { u16::from_be_bytes(b) } else { u16::from_le_bytes(b) })
     }
 
     pub(super) fn u32(&self, at: usize) -> Result<u32, Flaw> {
-        let b = self
-            .bytes
-            .get(at..at + 4)
-            .ok_or_else(|| self.ended_early("a directory past the end"))?;
-        let b = [b[0], b[1], b[2], b[3]];
+        let b = self.array(at)?;
         Ok(if self.big_endian { u32::from_be_bytes(b) } else { u32::from_le_bytes(b) })
     }
 
@@ -324,10 +318,7 @@ impl<'a> File<'a> {
         let (count, at) = self.values(entry, width)?;
         (0..count)
             .map(|n| match width {
-                1 => {
-                    let byte = self.bytes.get(at + n).copied().map(usize::from);
-                    byte.ok_or_else(|| self.ended_early("a directory past the end"))
-                }
+                1 => self.array(at + n).map(|[byte]| byte.into()),
                 2 => self.u16(at + 2 * n).map(usize::from),
                 _ => self.u32(at + 4 * n).map(|v| v as usize),
             })

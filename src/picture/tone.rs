@@ -89,7 +89,7 @@ impl StatedColours {
 }
 
 /// Light 0..1 of a code 0..1.
-fn light(curve: Curve, code: f64) -> f64 {
+pub(super) fn light(curve: Curve, code: f64) -> f64 {
     match curve {
         Curve::Linear => code,
         // IEC 61966-2-1, equations 5 and 6.
@@ -102,27 +102,15 @@ fn light(curve: Curve, code: f64) -> f64 {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Tone {
     tables: [Vec<f32>; 3],
-    /// For the report.
-    origin: Origin,
-}
-
-/// The origin of a curve.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-enum Origin {
-    Srgb,
-    Linear,
-    Profile,
+    /// The curve, for the report; `None` for a profile's.
+    curve: Option<Curve>,
 }
 
 impl Tone {
     /// The same `curve` in all channels, for samples of `bits` (8 or 16).
     pub fn of_curve(curve: Curve, bits: u8) -> Tone {
         let table = table(bits, |code| light(curve, code));
-        let origin = match curve {
-            Curve::Srgb => Origin::Srgb,
-            Curve::Linear => Origin::Linear,
-        };
-        Tone { tables: [table.clone(), table.clone(), table], origin }
+        Tone { tables: [table.clone(), table.clone(), table], curve: Some(curve) }
     }
 
     /// The tone curves of an embedded ICC profile; `grey` when the samples are grey.
@@ -145,20 +133,16 @@ impl Tone {
             }
             _ => return Err("it is for another kind of picture"),
         };
-        let mut tables = Vec::with_capacity(3);
-        for curve in &curves {
-            tables.push(profile_table(curve, bits)?);
-        }
-        let tables = <[Vec<f32>; 3]>::try_from(tables).map_err(|_| "it has no three curves")?;
-        Ok(Tone { tables, origin: Origin::Profile })
+        let [red, green, blue] = curves.map(|curve| profile_table(&curve, bits));
+        Ok(Tone { tables: [red?, green?, blue?], curve: None })
     }
 
     /// The origin of the curve: `sRGB`, `linear` or `ICC profile`.
     pub fn origin(&self) -> &'static str {
-        match self.origin {
-            Origin::Srgb => "sRGB",
-            Origin::Linear => "linear",
-            Origin::Profile => "ICC profile",
+        match self.curve {
+            Some(Curve::Srgb) => "sRGB",
+            Some(Curve::Linear) => "linear",
+            None => "ICC profile",
         }
     }
 
@@ -206,11 +190,8 @@ impl Tone {
 
     /// The codes of a plane of linear light.
     pub(super) fn codes(&self, channel: usize, light: &Plane) -> Vec<u16> {
-        light
-            .data()
-            .iter()
-            .map(|&v| self.code(channel, if v.is_finite() { v } else { 0.0 }))
-            .collect()
+        let finite = |v: f32| if v.is_finite() { v } else { 0.0 };
+        light.data().iter().map(|&v| self.code(channel, finite(v))).collect()
     }
 }
 

@@ -6,7 +6,7 @@ use super::*;
 use crate::config::{Curve, RawResults};
 use crate::frame::{Channel, Frame, Work};
 use crate::picture::tiff::EXIF_DIRECTORY;
-use crate::picture::{Format, Limits, Photo};
+use crate::picture::{Format, Limits, Photo, ReadOptions};
 
 const ASCII: u16 = 2;
 const SHORT: u16 = 3;
@@ -158,7 +158,8 @@ fn a_raspberry_pi_s_raw_photo_is_read_with_its_colours() {
 #[test]
 fn a_raw_photo_s_result_has_the_rig_file_s_format() {
     let formats = [RawResults::Tiff, RawResults::Jpeg].map(|results| {
-        let photo = read().with_raw_results(results);
+        let reading = ReadOptions { raw_results: results, ..ReadOptions::new(SIZE, Curve::Srgb) };
+        let photo = reading.finish(read()).unwrap();
         let bytes = photo.with_picture(&photo.light, photo.manner.format).unwrap();
         let back = Photo::from_bytes("a", &bytes, Curve::Srgb, &Limits::default()).unwrap();
         assert_eq!(back.light.size(), SIZE);

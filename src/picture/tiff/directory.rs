@@ -16,9 +16,6 @@ pub(in crate::picture) struct Directory<'a> {
 
 impl<'a> Directory<'a> {
     /// The directory at `at`.
-    ///
-    /// # Errors
-    /// [`Flaw::Truncated`], [`Flaw::ZeroFilled`] or [`Flaw::Damaged`].
     pub(in crate::picture) fn read(file: &'a File<'a>, at: usize) -> Result<Directory<'a>, Flaw> {
         let count = usize::from(file.u16(at)?);
         if count == 0 {
@@ -65,29 +62,24 @@ impl<'a> Directory<'a> {
     /// Whole, fractional or floating numbers.
     pub(in crate::picture) fn reals(&self, tag: u16) -> Result<Option<Vec<f32>>, Flaw> {
         let Some(entry) = self.find(tag) else { return Ok(None) };
-        let kind = self.file.u16(entry + 2)?;
-        if kind == 11 {
-            let (count, at) = self.file.values(entry, 4)?;
-            let single = |n: usize| self.file.u32(at + 4 * n).map(f32::from_bits);
-            return (0..count).map(single).collect::<Result<Vec<_>, Flaw>>().map(Some);
-        }
-        if kind == 12 {
-            let (count, at) = self.file.values(entry, 8)?;
-            let double = |n: usize| self.file.f64(at + 8 * n).map(|v| v as f32);
-            return (0..count).map(double).collect::<Result<Vec<_>, Flaw>>().map(Some);
-        }
-        if kind != 5 && kind != 10 {
-            let whole = self.file.numbers(entry)?;
-            return Ok(Some(whole.into_iter().map(|v| v as f32).collect()));
-        }
-        let (count, at) = self.file.values(entry, 8)?;
-        let fraction = |n: usize| {
-            let (above, below) = (self.file.u32(at + 8 * n)?, self.file.u32(at + 8 * n + 4)?);
-            // Type 10 has signs.
-            let number = |v: u32| if kind == 10 { f64::from(v as i32) } else { f64::from(v) };
-            Ok((number(above) / number(below)) as f32)
+        let (file, kind) = (self.file, self.file.u16(entry + 2)?);
+        let width = match kind {
+            11 => 4,
+            5 | 10 | 12 => 8,
+            _ => return Ok(Some(file.numbers(entry)?.into_iter().map(|v| v as f32).collect())),
         };
-        (0..count).map(fraction).collect::<Result<Vec<_>, Flaw>>().map(Some)
+        let (count, at) = file.values(entry, width)?;
+        let real = |at: usize| match kind {
+            11 => file.u32(at).map(f32::from_bits),
+            12 => file.f64(at).map(|v| v as f32),
+            _ => {
+                let (above, below) = (file.u32(at)?, file.u32(at + 4)?);
+                // Type 10 has signs.
+                let number = |v: u32| if kind == 10 { f64::from(v as i32) } else { f64::from(v) };
+                Ok((number(above) / number(below)) as f32)
+            }
+        };
+        (0..count).map(|n| real(at + width * n)).collect::<Result<_, Flaw>>().map(Some)
     }
 }
 

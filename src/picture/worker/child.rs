@@ -7,8 +7,7 @@ use std::os::fd::AsFd;
 use rustix::process::{Resource, Rlimit, Signal, set_parent_process_death_signal, setrlimit};
 
 use super::super::{Photo, PictureError, camera_frame, whole};
-use super::wire::{self, Answer, Ask, Purpose};
-use crate::frame::Counts;
+use super::wire::{self, Answer, Ask, Purpose, write};
 use crate::picture::reading::read_bytes;
 use crate::remedy::full_message;
 
@@ -22,36 +21,31 @@ pub fn serve(ask: &str) -> io::Result<()> {
     let file = File::from(io::stdin().as_fd().try_clone_to_owned()?);
     let mut out = BufWriter::new(io::stdout().lock());
     let name = &ask.name;
-    let read = match ask.purpose {
-        Purpose::Whole => whole(name, file, &ask.limits).map(|()| Read::Whole),
+    let written = match ask.purpose {
+        Purpose::Whole => {
+            whole(name, file, &ask.limits).map(|()| write(&mut out, &Answer::<()>::Whole))
+        }
         Purpose::Photo(curve, grid) => Photo::of_file(name, file, curve, &ask.limits.on(grid))
             .and_then(|photo| photo.fit(grid))
-            .map(|photo| Read::Photo(Box::new(photo))),
+            .map(|photo| wire::write_photo(&mut out, &photo)),
         Purpose::Frame(size) => read_bytes(file, name, &ask.limits).and_then(|bytes| {
             let refused = |flaw| PictureError::Refused { name: name.clone(), flaw };
-            camera_frame(&bytes, size).map(Read::Frame).map_err(refused)
+            let counts = camera_frame(&bytes, size).map_err(refused)?;
+            Ok(wire::write_frame(&mut out, &counts))
         }),
     };
-    match read {
-        Ok(Read::Photo(photo)) => wire::write_photo(&mut out, &photo)?,
-        Ok(Read::Frame(counts)) => wire::write_frame(&mut out, &counts)?,
-        Ok(Read::Whole) => wire::write(&mut out, &Answer::Whole)?,
+    match written {
+        Ok(written) => written?,
         Err(PictureError::Read { source, .. }) => {
-            wire::write(&mut out, &Answer::Unread { message: source.to_string() })?;
+            write(&mut out, &Answer::<()>::Unread { message: source.to_string() })?;
         }
         Err(error) => {
-            let answer = Answer::Refused { growth: error.growth(), message: full_message(&error) };
-            wire::write(&mut out, &answer)?;
+            let answer =
+                Answer::<()>::Refused { growth: error.growth(), message: full_message(&error) };
+            write(&mut out, &answer)?;
         }
     }
     out.flush()
-}
-
-/// The result of reading a file.
-enum Read {
-    Whole,
-    Photo(Box<Photo>),
-    Frame(Counts),
 }
 
 /// Limits this process in memory, time and files, whatever the file makes it do.

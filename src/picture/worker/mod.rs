@@ -70,9 +70,6 @@ impl Worker {
     }
 
     /// The photo in `file`, called `name`, on the grid `grid`.
-    ///
-    /// # Errors
-    /// The refusal, or [`PictureError::Died`].
     pub fn photo(
         &self,
         name: &str,
@@ -199,9 +196,6 @@ impl Worker {
 
 /// The photo called `name` of `size` in a worker's `answer`, which is untrusted: the file may have
 /// taken the worker over.
-///
-/// # Errors
-/// As [`Worker::photo`].
 pub fn photo_of_answer(name: &str, answer: &[u8], size: Size) -> Result<Photo, PictureError> {
     let mut rest = answer;
     match read(name, &mut rest)? {

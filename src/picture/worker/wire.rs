@@ -80,7 +80,7 @@ pub(super) fn bytes_max(ask: &Ask) -> u64 {
 
 /// Writes a camera's frame.
 pub(super) fn write_frame(out: &mut dyn Write, counts: &Counts) -> io::Result<()> {
-    write(out, &Answer::Frame)?;
+    write(out, &Answer::<()>::Frame)?;
     for plane in counts.planes() {
         let bytes: Vec<u8> = plane.data().iter().map(|&count| count as u8).collect();
         out.write_all(&bytes)?;
@@ -89,9 +89,6 @@ pub(super) fn write_frame(out: &mut dyn Write, counts: &Counts) -> io::Result<()
 }
 
 /// Reads a camera's frame of `size` from `bytes`.
-///
-/// # Errors
-/// A few words on the flaw.
 pub(super) fn read_frame(bytes: &[u8], size: Size) -> Result<Counts, &'static str> {
     if bytes.len() != 3 * size.area() {
         return Err("a frame of another size");
@@ -105,11 +102,7 @@ pub(super) fn read_frame(bytes: &[u8], size: Size) -> Result<Counts, &'static st
 }
 
 /// Writes an answer without planes.
-pub(super) fn write(out: &mut dyn Write, answer: &Answer) -> io::Result<()> {
-    write_any(out, answer)
-}
-
-fn write_any(out: &mut dyn Write, answer: &Answer<impl Serialize>) -> io::Result<()> {
+pub(super) fn write(out: &mut dyn Write, answer: &Answer<impl Serialize>) -> io::Result<()> {
     let bytes = postcard::to_allocvec(answer).map_err(io::Error::other)?;
     let length = u32::try_from(bytes.len()).ok().filter(|&length| length <= HEADER_BYTES_MAX);
     let length =
@@ -122,7 +115,7 @@ fn write_any(out: &mut dyn Write, answer: &Answer<impl Serialize>) -> io::Result
 pub(super) fn write_photo(out: &mut dyn Write, photo: &Photo) -> io::Result<()> {
     let Photo { light, channels, coding, manner, .. } = photo;
     let alpha = manner.alpha.as_ref();
-    write_any(out, &Answer::Photo(Header { photo, size: light.size(), alpha: alpha.is_some() }))?;
+    write(out, &Answer::Photo(Header { photo, size: light.size(), alpha: alpha.is_some() }))?;
     for plane in channels.list().iter().map(|&channel| light.plane(channel)).chain(alpha) {
         let bytes: Vec<u8> = plane.data().iter().flat_map(|v| v.to_le_bytes()).collect();
         out.write_all(&bytes)?;
@@ -136,9 +129,6 @@ pub(super) fn write_photo(out: &mut dyn Write, photo: &Photo) -> io::Result<()> 
 }
 
 /// Reads an answer from the front of `bytes`, and moves `bytes` past it.
-///
-/// # Errors
-/// A few words on the flaw.
 pub(super) fn read(bytes: &mut &[u8]) -> Result<Answer, &'static str> {
     let mut length = [0; 4];
     bytes.read_exact(&mut length).map_err(|_| "no answer")?;
@@ -149,9 +139,6 @@ pub(super) fn read(bytes: &mut &[u8]) -> Result<Answer, &'static str> {
 }
 
 /// The photo of `header` on the grid `allowed`, its planes read from `bytes`.
-///
-/// # Errors
-/// A few words on the flaw.
 pub(super) fn read_photo(
     header: Header<Box<Photo>>,
     bytes: &mut &[u8],
