@@ -15,12 +15,8 @@ const STICKY: u32 = 0o1000;
 #[derive(Debug, thiserror::Error)]
 #[error("cannot {what} {path}")]
 pub struct FileError {
-    /// The operation, a verb.
     what: &'static str,
-    /// The file or folder.
     path: PathBuf,
-    /// The cause.
-    #[source]
     source: io::Error,
 }
 

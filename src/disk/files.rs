@@ -52,9 +52,6 @@ impl Files {
     }
 
     /// Names and types of the entries of `folder`, in no order.
-    ///
-    /// # Errors
-    /// When it cannot be read.
     pub fn list(&self, folder: &Path) -> Result<Vec<(OsString, FileKind)>, FileError> {
         self.0.list(folder).map_err(FileError::at("read the folder", folder))
     }
@@ -68,9 +65,6 @@ impl Files {
     }
 
     /// Whether `path` exists.
-    ///
-    /// # Errors
-    /// When unknown.
     pub fn exists(&self, path: &Path) -> Result<bool, FileError> {
         match self.metadata(path) {
             Err(error) if error.kind() == ErrorKind::NotFound => Ok(false),
@@ -79,17 +73,11 @@ impl Files {
     }
 
     /// Opens the regular file `path` for reading.
-    ///
-    /// # Errors
-    /// As [`Disk::open`].
     pub fn open(&self, path: &Path) -> Result<File, FileError> {
         self.0.open(path).map_err(FileError::at("open", path))
     }
 
     /// The first `bytes_max` bytes of the file `path`; `None` when it does not exist.
-    ///
-    /// # Errors
-    /// When it cannot be read.
     pub fn read(&self, path: &Path, bytes_max: u64) -> Result<Option<Vec<u8>>, FileError> {
         let file = match self.open(path) {
             Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
@@ -102,25 +90,16 @@ impl Files {
 
     /// The value in the JSON file `path`; `None` when the file does not exist, is longer than 16
     /// MiB or holds something else.
-    ///
-    /// # Errors
-    /// When it cannot be read.
     pub fn read_json<T: DeserializeOwned>(&self, path: &Path) -> Result<Option<T>, FileError> {
         Ok(self.read(path, JSON_BYTES_MAX)?.and_then(|bytes| serde_json::from_slice(&bytes).ok()))
     }
 
     /// Free bytes on the disk of `folder`.
-    ///
-    /// # Errors
-    /// When unknown.
     pub fn free_bytes(&self, folder: &Path) -> Result<u64, FileError> {
         self.0.free_bytes(folder).map_err(FileError::at("query the free space of", folder))
     }
 
     /// Makes the folder, unless it exists.
-    ///
-    /// # Errors
-    /// Any error of the disk.
     pub fn make_folder(&self, folder: &Path) -> Result<(), FileError> {
         self.0.make_folder(folder).map_err(|error| {
             let words = "a file of that name is in the way";
@@ -133,9 +112,6 @@ impl Files {
     }
 
     /// Removes the file `path`, if it exists.
-    ///
-    /// # Errors
-    /// Any other error of the disk.
     pub fn remove(&self, path: &Path) -> Result<(), FileError> {
         match self.0.remove(path) {
             Err(error) if error.kind() == ErrorKind::NotFound => Ok(()),
@@ -144,9 +120,6 @@ impl Files {
     }
 
     /// CRC-32 and length of the file `path`.
-    ///
-    /// # Errors
-    /// When it cannot be read.
     pub fn checksum(&self, path: &Path) -> Result<(u32, u64), FileError> {
         let (mut file, mut hasher) = (self.open(path)?, crc32fast::Hasher::new());
         let (mut piece, mut length) = (vec![0; 1 << 16], 0);
@@ -197,17 +170,11 @@ impl Files {
     }
 
     /// Makes the names in `folder` durable.
-    ///
-    /// # Errors
-    /// When they may not be.
     pub fn sync_folder(&self, folder: &Path) -> Result<(), FileError> {
         self.0.sync_folder(folder).map_err(FileError::at("synchronise the folder", folder))
     }
 
     /// Makes the content of the file `path` durable.
-    ///
-    /// # Errors
-    /// When it may not be.
     pub fn sync_file(&self, path: &Path) -> Result<(), FileError> {
         self.0.sync_file(path).map_err(FileError::at("synchronise", path))
     }
@@ -222,7 +189,7 @@ impl Files {
         name: &OsStr,
         content: &mut dyn Read,
     ) -> Result<(), FileError> {
-        let temporary = self.write_temporary(folder, content)?;
+        let temporary = self.write_temporary(folder, content, Unsynced::sync)?;
         let path = folder.join(name);
         self.0.rename_new(&temporary, &path).map_err(|error| {
             let _ = self.0.remove(&temporary);
@@ -233,18 +200,12 @@ impl Files {
 
     /// Replaces `folder/name` by `bytes`, atomically. Until the folder is synchronised, a power cut
     /// may restore the previous file.
-    ///
-    /// # Errors
-    /// Any error of the disk.
     pub fn replace(&self, folder: &Path, name: &OsStr, bytes: &[u8]) -> Result<(), FileError> {
-        let temporary = self.write_temporary(folder, &mut &*bytes)?;
+        let temporary = self.write_temporary(folder, &mut &*bytes, Unsynced::sync)?;
         self.rename_over(&temporary, &folder.join(name))
     }
 
     /// Replaces `folder/name` by `bytes`, atomically and durably.
-    ///
-    /// # Errors
-    /// Any error of the disk.
     pub fn replace_for_good(
         &self,
         folder: &Path,
@@ -257,20 +218,13 @@ impl Files {
 
     /// Replaces `folder/name` by `bytes`, atomically for readers, undefined after a power cut: for
     /// files rewritten at every start. Spares the memory card until the system writes back.
-    ///
-    /// # Errors
-    /// Any error of the disk.
     pub fn replace_for_now(
         &self,
         folder: &Path,
         name: &OsStr,
         bytes: &[u8],
     ) -> Result<(), FileError> {
-        let temporary = temporary_in(folder);
-        self.0.write(&temporary, &mut &*bytes).map_err(|error| {
-            let _ = self.0.remove(&temporary);
-            FileError::at("write", &temporary)(error)
-        })?;
+        let temporary = self.write_temporary(folder, &mut &*bytes, |_| Ok(()))?;
         self.rename_over(&temporary, &folder.join(name))
     }
 
@@ -285,9 +239,6 @@ impl Files {
 
     /// Moves `from` to `folder/name`, where only this process makes files in `folder`: in one step
     /// on every disk, also where a rename may overwrite (NFS).
-    ///
-    /// # Errors
-    /// As [`Files::move_to`].
     pub fn move_to_own(
         &self,
         from: &Path,
@@ -323,17 +274,11 @@ impl Files {
     }
 
     /// Names in `folder`.
-    ///
-    /// # Errors
-    /// When it cannot be read.
     pub fn taken_names(&self, folder: &Path) -> Result<TakenNames, FileError> {
         Ok(TakenNames(self.list(folder)?.iter().map(|(name, _)| folded(name)).collect()))
     }
 
     /// Removes temporary files left in `folder` by a power cut.
-    ///
-    /// # Errors
-    /// When one cannot be removed.
     pub fn sweep(&self, folder: &Path) -> Result<(), FileError> {
         for (name, kind) in self.list(folder)? {
             let bytes = name.as_bytes();
@@ -346,9 +291,14 @@ impl Files {
         Ok(())
     }
 
-    fn write_temporary(&self, folder: &Path, content: &mut dyn Read) -> Result<PathBuf, FileError> {
+    fn write_temporary(
+        &self,
+        folder: &Path,
+        content: &mut dyn Read,
+        sync: impl FnOnce(Box<dyn Unsynced>) -> io::Result<()>,
+    ) -> Result<PathBuf, FileError> {
         let path = temporary_in(folder);
-        self.0.write(&path, content).and_then(Unsynced::sync).map_err(|error| {
+        self.0.write(&path, content).and_then(sync).map_err(|error| {
             let _ = self.0.remove(&path);
             FileError::at("write", &path)(error)
         })?;
@@ -364,17 +314,11 @@ impl Files {
 }
 
 /// `value` as JSON, to be written to `path`.
-///
-/// # Errors
-/// When it has no JSON form.
 pub fn json(value: &impl Serialize, path: &Path) -> Result<Vec<u8>, FileError> {
     serde_json::to_vec(value).map_err(|e| FileError::at("write", path)(e.into()))
 }
 
 /// `value` as indented JSON, for human readers.
-///
-/// # Errors
-/// As [`json`].
 pub fn json_in_lines(value: &impl Serialize, path: &Path) -> Result<Vec<u8>, FileError> {
     serde_json::to_vec_pretty(value).map_err(|e| FileError::at("write", path)(e.into()))
 }

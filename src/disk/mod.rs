@@ -85,15 +85,9 @@ pub trait Disk: Send + Sync {
     fn open(&self, path: &Path) -> io::Result<File>;
 
     /// Free bytes on the disk of `folder`.
-    ///
-    /// # Errors
-    /// When unknown.
     fn free_bytes(&self, folder: &Path) -> io::Result<u64>;
 
     /// Makes the folder, unless it exists.
-    ///
-    /// # Errors
-    /// Any error of the disk.
     fn make_folder(&self, folder: &Path) -> io::Result<()>;
 
     /// Writes `content` to the file `path`, created or truncated first.
@@ -103,9 +97,6 @@ pub trait Disk: Send + Sync {
     fn write(&self, path: &Path, content: &mut dyn Read) -> io::Result<Box<dyn Unsynced>>;
 
     /// Returns once the content of the file `path` is durable.
-    ///
-    /// # Errors
-    /// When it may not be.
     fn sync_file(&self, path: &Path) -> io::Result<()>;
 
     /// Renames `from` to `to`, replacing an existing file.
@@ -127,8 +118,5 @@ pub trait Disk: Send + Sync {
     fn remove(&self, path: &Path) -> io::Result<()>;
 
     /// Returns once the names in `folder` are durable.
-    ///
-    /// # Errors
-    /// When they may not be.
     fn sync_folder(&self, folder: &Path) -> io::Result<()>;
 }
