@@ -40,37 +40,19 @@ pub enum SlotFault {
 
 /// Why a calibration was not loaded or stored.
 #[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)] // The sentences describe them.
 pub enum StoreError {
-    /// The folder has no calibration.
     #[error("no calibration in {0}; run `relens calibrate`")]
     Empty(PathBuf),
-    /// Neither slot is valid.
     #[error("no valid calibration in {folder}: slot a: {a}, slot b: {b}; run `relens calibrate`")]
-    BothBad {
-        /// The folder.
-        folder: PathBuf,
-        /// Fault of slot a.
-        a: SlotFault,
-        /// Fault of slot b.
-        b: SlotFault,
-    },
-    /// All valid slots belong to another rig.
+    BothBad { folder: PathBuf, a: SlotFault, b: SlotFault },
     #[error(
         "the calibration in {folder} is of rig {found:016x}; this is rig {allowed:016x}; run \
          `relens calibrate`"
     )]
-    OtherRig {
-        /// The folder.
-        folder: PathBuf,
-        /// Identity in the slot.
-        found: u64,
-        /// Identity of this rig.
-        allowed: u64,
-    },
-    /// The file or folder could not be written.
+    OtherRig { folder: PathBuf, found: u64, allowed: u64 },
     #[error("cannot store the calibration in {0}")]
     Write(PathBuf, #[source] std::io::Error),
-    /// The calibration could not be encoded: the encoder's message.
     #[error("the calibration cannot be encoded: {0}")]
     Encode(String),
 }
@@ -88,9 +70,6 @@ impl Remediable for StoreError {
 }
 
 /// Creates `folder` and its parents.
-///
-/// # Errors
-/// [`StoreError::Write`].
 pub fn make_folder(folder: &Path) -> Result<(), StoreError> {
     std::fs::create_dir_all(folder).map_err(|source| StoreError::Write(folder.to_owned(), source))
 }
@@ -104,9 +83,6 @@ pub fn load(folder: &Path, rig: u64) -> Result<Calibration, StoreError> {
 }
 
 /// [`load`] from any `disk`.
-///
-/// # Errors
-/// As [`load`].
 pub fn load_from(disk: &dyn Disk, folder: &Path, rig: u64) -> Result<Calibration, StoreError> {
     let slots = SLOTS.map(|name| read_slot(disk, &folder.join(name)));
     for (name, slot) in SLOTS.iter().zip(&slots) {
@@ -143,9 +119,6 @@ pub fn save(folder: &Path, calibration: &Calibration) -> Result<(), StoreError> 
 }
 
 /// [`save`] to any `disk`.
-///
-/// # Errors
-/// As [`save`].
 pub fn save_to(
     disk: &dyn Disk,
     folder: &Path,

@@ -38,9 +38,6 @@ pub(super) struct ChartOptions {
 }
 
 /// Runs `relens chart`.
-///
-/// # Errors
-/// When the rig cannot be opened, or the tables cannot be written.
 pub(super) fn run(options: &ChartOptions) -> Result<(), CliError> {
     let ChartOptions { out, quick, .. } = options;
     let rig = config::load(&options.rig.rig)?;

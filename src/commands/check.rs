@@ -37,9 +37,6 @@ pub(super) struct CheckOptions {
 }
 
 /// Runs `relens check`.
-///
-/// # Errors
-/// When a device cannot be opened, or the faults found.
 pub(super) fn run(options: &CheckOptions) -> Result<(), CliError> {
     let rig = &config::load(&options.rig.rig)?;
     let Some(out) = &options.report else {

@@ -48,8 +48,8 @@ pub(super) struct DemoOptions {
 pub(super) fn run(options: &DemoOptions) -> Result<(), CliError> {
     let rig = config::load(Path::new(RIG))?;
     let folders = Folders::open(&free(&options.out))?;
-    let root = folders.root().to_owned();
-    let (inbox, outbox) = (folders.inbox().to_owned(), folders.outbox().to_owned());
+    let root = folders.root.to_owned();
+    let (inbox, outbox) = (folders.inbox.to_owned(), folders.outbox.to_owned());
     say(&format!(
         "1. photographing four scenes through the bad lens of {RIG} ({})",
         rig.photo.size()

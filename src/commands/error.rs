@@ -11,88 +11,63 @@ use relens::remedy::{AnyFailure, Remediable, Remedy, full_message};
 /// Why a command failed.
 #[derive(Debug, thiserror::Error)]
 pub(super) enum CliError {
-    /// The rig file is invalid.
     #[error(transparent)]
     RigFile(#[from] ConfigError),
-    /// The command is for simulated rigs.
     #[error("the rig {0} has real devices, and this needs a simulated one")]
     NotSimulated(String),
-    /// A raw photo was requested of a camera without colour filters.
     #[error(
         "the sensor of the rig {0} has no colour filters ([sensor] mosaic), so its photos cannot \
          be raw (.dng): name the photo .tif or .png"
     )]
     NoFilters(String),
-    /// A simulated rig has no scene to photograph.
     #[error("the simulated rig {0} needs a picture to photograph: give --scene PICTURE")]
     NoScene(String),
-    /// The camera's exposure is fixed.
     #[error("this camera's exposure cannot be set by program: leave --exposure out")]
     FixedExposure,
-    /// The camera's gain is fixed.
     #[error(
         "this camera's gain cannot be set: leave --gain out, or name its control in the rig file \
          (hardware.camera.gain-step-db, with `gain` or `analogue_gain` among the controls)"
     )]
     FixedGain,
-    /// A dark frame has light.
     #[error("the dark frame has {0:.0} % of full light: cover the lens, and take the photo again")]
     NotDark(f64),
-    /// A simulated focus ring ends before the offset.
     #[error(
         "found a focus offset of {0} dioptres, allowed is less: the rig's focus ring ends at \
          infinity"
     )]
     PastInfinity(f32),
-    /// The output file exists.
     #[error("{0} exists already: give another name")]
     Taken(PathBuf),
-    /// An error of one photo of several.
     #[error("{0}: {1}")]
     OfPhoto(String, Box<CliError>),
-    /// The folder of the output file does not exist.
     #[error("cannot write {0}: its folder does not exist")]
     NoFolder(PathBuf),
-    /// The ending of the output file is no format's.
     #[error("found the result's name {0}, allowed one ending in .jpg, .png or .tif")]
     Format(PathBuf),
-    /// Several photos need a folder for their results.
     #[error("found no folder {0}, allowed a folder for the results of several photos")]
     NoSuchFolder(PathBuf),
-    /// A report describes one photo.
     #[error("--report takes one photo, found {0}")]
     OneReport(usize),
-    /// Standard input cannot be read.
     #[error("cannot read standard input")]
     StandardInput(#[source] io::Error),
-    /// The folder has no state file.
     #[error("found no state file in {0}, allowed a folder that `relens run` has worked on")]
     NoState(PathBuf),
-    /// No daemon is running on the folder.
     #[error("no `relens run` is working on {0}: start one, or give its folder")]
     NobodyThere(PathBuf),
-    /// The state file cannot be read.
     #[error("{}; nothing was done; {}", full_message(.0), state_remedy(.0.kind()))]
     BrokenState(FileError),
-    /// A file cannot be written.
     #[error("cannot write {0}")]
     Writing(PathBuf, #[source] io::Error),
-    /// Some photos, already listed, were not restored.
     #[error("{failed} of {all} photos were not restored")]
     SomeFailed { failed: usize, all: usize },
-    /// The drop folder cannot be used.
     #[error(transparent)]
     Folder(#[from] DaemonError),
-    /// Signals cannot be handled.
     #[error("cannot handle signals")]
     Signals(#[source] io::Error),
-    /// No setting could be scored.
     #[error("no operating point was chosen: no setting restored the scenes shown")]
     NothingScored,
-    /// Faults of the rig, each with its remedy.
     #[error("{}", .0.join("; "))]
     Faults(Vec<String>),
-    /// A failure of a photo, a rig or a calibration.
     #[error("{}", full_message(&**.0))]
     Failed(AnyFailure),
 }

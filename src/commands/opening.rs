@@ -20,9 +20,6 @@ use super::progress;
 /// The restorer of `rig`, with the calibration in `folder/calibration`, on the devices opened by
 /// `open`: [`devices`] or [`devices_without_panel`]. A simulated rig without a calibration is
 /// calibrated first.
-///
-/// # Errors
-/// When the rig cannot be opened, or is not simulated and has no valid calibration.
 pub(super) fn restorer(
     rig: &RigFile,
     folder: &Path,
@@ -51,17 +48,11 @@ pub(super) fn restorer(
 }
 
 /// The devices of `rig`.
-///
-/// # Errors
-/// When one cannot be opened.
 pub(super) fn devices(rig: &RigFile) -> Result<Devices, CliError> {
     relens::rig::open(rig).map_err(CliError::of)
 }
 
 /// The devices of `rig`, whose panel need not be in view; a simulated one is.
-///
-/// # Errors
-/// When one cannot be opened.
 pub(super) fn devices_without_panel(rig: &RigFile) -> Result<Devices, CliError> {
     match rig.simulation() {
         Some(_) => devices(rig),

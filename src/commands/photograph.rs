@@ -55,9 +55,6 @@ pub(super) struct Taken {
 }
 
 /// Photos by the simulated `rig` of `scenes` (photo-sized linear light), each with its own noise.
-///
-/// # Errors
-/// When the rig is not simulated or cannot be opened.
 pub(super) fn photos(rig: &RigFile, scenes: &[Frame<Work>]) -> Result<Vec<Taken>, CliError> {
     let Some(simulation) = rig.simulation() else {
         return Err(CliError::NotSimulated(rig.name.clone()));

@@ -95,9 +95,6 @@ impl ResultPlace {
     }
 
     /// The destination of the result of `photo`.
-    ///
-    /// # Errors
-    /// When the file exists, or has no format's ending.
     fn destination(&self, photo: &Photo) -> Result<Destination, CliError> {
         let usual = photo.manner.format;
         let file = match self {

@@ -77,14 +77,13 @@ pub(super) fn run(options: &RunOptions) -> Result<(), CliError> {
     let mut rig = config::load(&options.rig.rig)?;
     let scene = scene_of(&mut rig, options)?;
     let folders = Folders::open(&options.folder.folder)?;
-    let stopped = signals::stop_flag(folders.root().to_owned())?;
+    let stopped = signals::stop_flag(folders.root.to_owned())?;
     if !options.once {
         return watch(&rig, scene.as_ref(), folders, &stopped);
     }
     let asked = interruption(FrontPanel::default(), Arc::clone(&stopped));
-    let mut restorer =
-        opening::restorer(&rig, folders.root(), None, Some(asked), opening::devices)?;
-    let gallery = folders.outbox().join("index.html");
+    let mut restorer = opening::restorer(&rig, &folders.root, None, Some(asked), opening::devices)?;
+    let gallery = folders.outbox.join("index.html");
     let stop = || stopped.load(Ordering::Acquire);
     let summary = empty_inbox(&rig, folders, &mut *restorer, &stop)?;
     print_summary(&summary, &gallery)
@@ -100,7 +99,7 @@ fn watch(
     service_manager().ready();
     let front = FrontPanel::default();
     // Declared first, to be dropped last: the lamps go dark at the end.
-    let _front_panel = FrontPanelThread::start(rig, folders.root(), front.clone());
+    let _front_panel = FrontPanelThread::start(rig, &folders.root, front.clone());
     let times = Times { clock: &Monotonic, calendar: &SystemTime::now, is_set: &clock_is_set };
     let night = rig.nights.as_ref().and_then(|nights| Nightly::new(nights, &folders, times));
     let mut open = |asked| open_restorer(rig, scene, &folders, asked);
@@ -110,8 +109,8 @@ fn watch(
     };
     log::info!(
         "watching {}; results are shown by {}",
-        folders.inbox().display(),
-        folders.outbox().join("index.html").display()
+        folders.inbox.display(),
+        folders.outbox.join("index.html").display()
     );
     let night: Box<dyn Schedule> = match night {
         Some(night) => Box::new(night),
@@ -144,13 +143,13 @@ fn open_restorer(
     asked: Interruption,
 ) -> Result<Box<dyn Restorer>, CliError> {
     if let Some(scene) = scene {
-        return scene::restorer_before(scene, rig, folders.root(), asked);
+        return scene::restorer_before(scene, rig, &folders.root, asked);
     }
     let devices = match rig.run.mode {
         Mode::Shoot => opening::devices_without_panel,
         Mode::Folder | Mode::Button => opening::devices,
     };
-    opening::restorer(rig, folders.root(), None, Some(asked), devices)
+    opening::restorer(rig, &folders.root, None, Some(asked), devices)
 }
 
 /// The scene of a simulated `rig`, whose mode it sets to [`Mode::Shoot`].
@@ -252,9 +251,6 @@ fn setting(rig: &RigFile) -> DaemonSetting {
 }
 
 /// Prints the counts of `summary`.
-///
-/// # Errors
-/// When photos failed or wait.
 fn print_summary(summary: &Summary, gallery: &Path) -> Result<(), CliError> {
     let counts = summary.counts();
     if counts.all() == 0 {

@@ -20,9 +20,6 @@ use super::error::CliError;
 use super::opening;
 
 /// The picture at `path` on the sensor of `rig`, as by a perfect lens.
-///
-/// # Errors
-/// When the file cannot be read.
 pub(super) fn read(rig: &RigFile, path: &Path) -> Result<Frame<Work>, CliError> {
     let sharp = Photo::read(path, rig.photo.curve, &Limits::default()).map_err(CliError::of)?;
     Ok(cut(&sharp.in_colour(), rig.photo_grid().sensor))
@@ -30,9 +27,6 @@ pub(super) fn read(rig: &RigFile, path: &Path) -> Result<Frame<Work>, CliError> 
 
 /// The restorer of the simulated `rig`, as by [`opening::restorer`], with `scene` before the lens
 /// for photos.
-///
-/// # Errors
-/// As [`opening::restorer`].
 pub(super) fn restorer_before(
     scene: &Frame<Work>,
     rig: &RigFile,

@@ -19,9 +19,6 @@ use super::{progress, status};
 
 /// A flag that is set once the daemon with its state in `home` is to stop: the photo in progress is
 /// finished, or given up before its next capture. A second SIGINT ends the program at once.
-///
-/// # Errors
-/// When the system has no free thread or socket.
 pub(super) fn stop_flag(home: PathBuf) -> Result<Arc<AtomicBool>, CliError> {
     let stopped = Arc::new(AtomicBool::new(false));
     let flag = Arc::clone(&stopped);
@@ -46,9 +43,6 @@ pub(super) fn stop_flag(home: PathBuf) -> Result<Arc<AtomicBool>, CliError> {
 }
 
 /// Ends the program at SIGINT or SIGTERM, with its progress line cleared.
-///
-/// # Errors
-/// As [`stop_flag`].
 pub(super) fn end_cleanly() -> Result<(), CliError> {
     listen(&[SIGINT, SIGTERM], end)
 }

@@ -11,25 +11,12 @@ pub(super) struct Clocks<'a> {
     pub(super) calendar: &'a dyn Fn() -> SystemTime,
 }
 
-/// The current time.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Now {
-    /// Monotonic.
-    pub(super) moment: Moment,
-    /// Calendar, seconds since 1970 UTC.
-    pub(super) unix_s: u64,
-}
-
 impl Clocks<'_> {
-    pub(super) fn now(&self) -> Now {
-        Now { moment: self.clock.now(), unix_s: self.unix_s() }
-    }
-
     pub(super) fn moment(&self) -> Moment {
         self.clock.now()
     }
 
-    /// The calendar, as files' own times are by.
+    /// The calendar, as files' own times are by, in seconds since 1970 UTC.
     pub(super) fn unix_s(&self) -> u64 {
         unix_s((self.calendar)()) as u64
     }

@@ -6,52 +6,30 @@ use crate::remedy::{AnyFailure, Remediable, Remedy, full_message};
 
 /// Why work is held.
 #[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)] // The sentences describe them.
 pub enum DaemonError {
-    /// The drop folder cannot be used.
     #[error(transparent)]
     Store(#[from] FolderError),
     /// The rig failed, and repeating or repairing has not helped.
     #[error("the operator is needed: {}{}", prefix(photo.as_deref()), full_message(&**failure))]
-    Rig {
-        /// The photo under way, if any.
-        photo: Option<String>,
-        /// The failure.
-        failure: AnyFailure,
-    },
-    /// The camera failed to take a photo.
+    Rig { photo: Option<String>, failure: AnyFailure },
     #[error("the operator is needed: no photo was taken: {}", full_message(&**failure))]
-    NotTaken {
-        /// The failure.
-        failure: AnyFailure,
-    },
+    NotTaken { failure: AnyFailure },
     /// The rig has drifted since its calibration and may not be calibrated by itself.
     #[error("the operator is needed: the rig has drifted{}: {complaint}", again(*.calibrations))]
-    Drifted {
-        /// The drifts past their limits.
-        complaint: String,
-        /// Calibrations in a row that have not helped.
-        calibrations: u32,
-    },
-    /// A calibration failed.
+    Drifted { complaint: String, calibrations: u32 },
     #[error("the operator is needed: {cause} cannot be calibrated: {}", full_message(&**failure))]
-    Calibration {
-        /// What made it necessary.
-        cause: CalibrationCause,
-        /// The failure.
-        failure: AnyFailure,
-    },
+    Calibration { cause: CalibrationCause, failure: AnyFailure },
 }
 
 /// What made a calibration necessary.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[allow(missing_docs)] // The sentences describe them.
 pub enum CalibrationCause {
-    /// The photo under way.
     #[error("the rig")]
     Photo,
-    /// The drifts past their limits.
     #[error("the rig has drifted ({0}) and")]
     Drifted(String),
-    /// The displacement of the panel since the last calibration.
     #[error("the panel was moved ({0}) and")]
     PanelMoved(String),
 }

@@ -32,25 +32,14 @@ const GROWTH_WATCH_S: f64 = 1.0;
 
 /// Outcome of a job.
 #[derive(Debug)]
+#[allow(missing_docs)] // Fields are described with their variants.
 pub enum JobEnd {
-    /// The result is in the outbox.
-    Done {
-        /// The report beside it.
-        report: Box<Report>,
-        /// Names of original and result.
-        delivered: Delivered,
-        /// The original as it was taken.
-        original: Metadata,
-    },
+    /// The result is in the outbox; `original` is the photo as it was taken.
+    Done { report: Box<Report>, delivered: Delivered, original: Metadata },
     /// The photo is in `failed`.
     Failed(Failed),
-    /// The photo is back in the inbox, to be tried later.
-    Deferred {
-        /// Path, relative to the inbox.
-        path: PathBuf,
-        /// Name and reason.
-        failed: Failed,
-    },
+    /// The photo is back in the inbox, at a path relative to it, to be tried later.
+    Deferred { path: PathBuf, failed: Failed },
     /// The photo was removed from the inbox before it could be claimed.
     Gone,
 }
@@ -239,8 +228,8 @@ impl Job<'_> {
             Err(PictureError::not_a_file(&photo.display_name(), found))?;
         }
         // The writer may not have synchronised the file; from here on the daemon is responsible.
-        let home = self.folders.inbox().join(&photo.name);
-        self.folders.files().sync_file(&photo.path).map_err(|error| match error.is_of_disk() {
+        let home = self.folders.inbox.join(&photo.name);
+        self.folders.files.sync_file(&photo.path).map_err(|error| match error.is_of_disk() {
             true => JobError::Files(error),
             false => JobError::NotDurable(error.with_path(home)),
         })?;
@@ -259,7 +248,7 @@ impl Job<'_> {
         };
         let outcome = self.restore(&read)?;
         self.watcher.step(JobStep::Restored);
-        let files = self.folders.files();
+        let files = &self.folders.files;
         if files.metadata(&photo.path)? != photo.metadata
             || files.checksum(&photo.path)? != (read.file.crc32, read.file.bytes)
         {
@@ -277,7 +266,7 @@ impl Job<'_> {
     }
 
     fn read(&self, photo: &Claimed) -> Result<Photo, JobError> {
-        let (files, path, name) = (self.folders.files(), &photo.path, photo.display_name());
+        let (files, path, name) = (&self.folders.files, &photo.path, photo.display_name());
         let before = files.metadata(path).ok();
         let opened = files.raw().open(path);
         let opened = opened.map_err(|source| PictureError::Read { path: (&name).into(), source });

@@ -5,7 +5,7 @@ use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
-use super::clocks::{Clocks, Now};
+use super::clocks::Clocks;
 use super::error::DaemonError;
 use super::job::{Job, JobEnd, Unsettled};
 use super::report::state::Doing;
@@ -66,9 +66,6 @@ pub struct Daemon<'a> {
 
 impl<'a> Daemon<'a> {
     /// Opens a daemon on `folders`. `clock` measures waiting times, `calendar` dates the reports.
-    ///
-    /// # Errors
-    /// When the outbox cannot be read.
     pub fn open(
         folders: Folders,
         setting: DaemonSetting,
@@ -169,7 +166,7 @@ impl<'a> Daemon<'a> {
                         log::warn!("held: {reason}");
                         self.set_doing(Doing::Held { reason: reason.clone() });
                     }
-                    let inbox = self.folders.files().metadata(self.folders.inbox());
+                    let inbox = self.folders.files.metadata(&self.folders.inbox);
                     (reason, if inbox.is_err() { MISSING_POLL_S } else { self.setting.retry_s })
                 }
             };
@@ -282,19 +279,16 @@ impl<'a> Daemon<'a> {
     /// Whether a file that was not quiet at the scan at `scanned` may be so by now.
     fn is_scan_due(&self, scanned: Moment) -> bool {
         let now = self.clocks.moment();
-        now.0 - scanned.0 >= self.setting.poll_s || self.inbox.due().is_some_and(|due| now >= due)
+        now.0 - scanned.0 >= self.setting.poll_s || self.inbox.due.is_some_and(|due| now >= due)
     }
 
     /// Asks the schedule.
-    ///
-    /// # Errors
-    /// When help is needed.
     fn ask(&mut self, waiting: usize, is_ready: bool) -> Result<Turn, DaemonError> {
-        let asked = Question { waiting, is_ready, parts: self.inbox.waiting() };
+        let asked = Question { waiting, is_ready, parts: self.inbox.waiting };
         match self.schedule.turn(asked, &mut *self.restorer) {
             Turn::Help(error) => Err(error),
             Turn::Hold { reason, until, awaited } => {
-                self.inbox.hold_for(awaited);
+                self.inbox.waiting = self.inbox.waiting.held_for(awaited);
                 Ok(Turn::Hold { reason, until, awaited })
             }
             turn => Ok(turn),
@@ -313,12 +307,9 @@ impl<'a> Daemon<'a> {
     }
 
     /// Whether the photo at `path` is complete, or will never be. Other flaws are found by the job.
-    ///
-    /// # Errors
-    /// When it cannot be read.
     fn may_be_taken(&mut self, path: &Path, patience: Patience) -> Result<bool, FileError> {
-        let (setting, full) = (&self.setting, self.folders.inbox().join(path));
-        let files = self.folders.files();
+        let (setting, full) = (&self.setting, self.folders.inbox.join(path));
+        let files = &self.folders.files;
         self.inbox.may_be_taken(path, self.clocks.moment(), patience, || {
             let name = full.file_name().unwrap_or_default().to_string_lossy();
             let file = match files.open(&full) {
@@ -342,10 +333,10 @@ impl<'a> Daemon<'a> {
         self.set_doing(restoring(0.0, None));
         self.watcher.begun(photo, number, of);
         self.schedule.notify(Event::Begun { photo, number, of }, &mut *self.restorer);
-        let (begun, usual_s) = (self.clocks.moment(), self.reporter.usual_s());
+        let (begun, usual_s) = (self.clocks.moment(), self.reporter.gallery.usual_s());
         let (mut written, snapshot) = (begun, self.snapshot());
         let mut on_progress = |progress: Progress| {
-            let Now { moment, unix_s } = self.clocks.now();
+            let (moment, unix_s) = (self.clocks.moment(), self.clocks.unix_s());
             if moment.0 - written.0 < PROGRESS_S {
                 return;
             }
@@ -370,7 +361,8 @@ impl<'a> Daemon<'a> {
         let end = job.run(path);
         self.watcher.ended();
         if end.is_err() {
-            self.inbox.return_turn();
+            // It is back in the inbox.
+            self.inbox.waiting.turn += 1;
         }
         end
     }
@@ -406,7 +398,7 @@ impl<'a> Daemon<'a> {
     }
 
     fn summary(&self) -> Summary {
-        self.reporter.summary(self.inbox.deferred(), self.inbox.waiting())
+        self.reporter.summary(self.inbox.deferred(), self.inbox.waiting)
     }
 
     /// Writes the numbers of waiting photos, where they have changed.
@@ -416,8 +408,8 @@ impl<'a> Daemon<'a> {
     }
 
     fn snapshot(&self) -> Snapshot {
-        let Now { moment, unix_s } = self.clocks.now();
-        Snapshot { deferred: self.inbox.deferred(), waiting: self.inbox.waiting(), moment, unix_s }
+        let (moment, unix_s) = (self.clocks.moment(), self.clocks.unix_s());
+        Snapshot { deferred: self.inbox.deferred(), waiting: self.inbox.waiting, moment, unix_s }
     }
 
     fn show_gallery(&mut self) -> Result<(), DaemonError> {
@@ -441,7 +433,7 @@ impl<'a> Daemon<'a> {
     /// enough, or an event comes.
     fn wait_for_photos(&self, stop: &dyn Fn() -> bool) {
         let DaemonSetting { quiet_s, poll_s, .. } = self.setting;
-        let due_s = self.inbox.due().map_or(f64::INFINITY, |due| due.0 - self.clocks.moment().0);
+        let due_s = self.inbox.due.map_or(f64::INFINITY, |due| due.0 - self.clocks.moment().0);
         let soonest_s = quiet_s.min(poll_s).min(STEP_S);
         self.wait(poll_s.min(due_s.max(soonest_s)), &|| stop() || self.inbox.has_events());
     }

@@ -9,23 +9,14 @@ pub(super) type PanelColour = [u8; 3];
 
 /// A sheet.
 pub(super) struct Sheet {
-    codes: Codes,
+    /// The codes for the panel.
+    pub(super) codes: Codes,
 }
 
 impl Sheet {
     /// A sheet of one colour.
     pub(super) fn new(size: Size, ground: PanelColour) -> Sheet {
         Sheet { codes: Frame::from_fn(|c| crate::frame::Plane::filled(size, ground[c.index()])) }
-    }
-
-    /// Size, pixels.
-    pub(super) fn size(&self) -> Size {
-        self.codes.size()
-    }
-
-    /// The codes for the panel.
-    pub(super) fn finish(self) -> Codes {
-        self.codes
     }
 
     /// Blends `share` (0..1) of `colour` into a pixel; pixels outside the sheet are ignored.

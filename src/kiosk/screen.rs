@@ -5,83 +5,32 @@ use super::lettering;
 use crate::frame::{Codes, Frame, Size, Work};
 
 /// A screen; [`draw`] adds the fixed words. `others` describes incomplete photos, empty without
-/// any.
+/// any; `words` are sentences, `hint` and `to_do` the next action; `number` counts from 1.
 #[derive(Debug, Clone, PartialEq)]
+#[allow(missing_docs)] // The names of fields are described above.
 pub enum Screen {
     /// No photo waits.
-    Ready {
-        /// What to do next.
-        hint: String,
-    },
+    Ready { hint: String },
     /// Photos wait for the button.
-    Waiting {
-        /// Their number.
-        photos: usize,
-        /// Incomplete photos.
-        others: String,
-    },
+    Waiting { photos: usize, others: String },
     /// Countdown to a photo.
-    Counting {
-        /// Seconds to go.
-        seconds: u32,
-    },
+    Counting { seconds: u32 },
     /// A photo is being taken.
     Taking,
     /// Photos wait for the panel before the lens.
-    Asking {
-        /// Their number.
-        photos: usize,
-        /// What to do, or what is wrong with the position.
-        words: String,
-        /// Incomplete photos.
-        others: String,
-    },
-    /// The lens is being measured because the panel was moved.
-    Measuring {
-        /// The displacement.
-        why: String,
-    },
+    Asking { photos: usize, words: String, others: String },
+    /// The lens is being measured because the panel was moved, by `why`.
+    Measuring { why: String },
     /// A photo is being computed; captures follow on this panel.
-    Working {
-        /// File name.
-        photo: String,
-        /// Number in this pass, from 1.
-        number: usize,
-        /// Photos in this pass.
-        of: usize,
-    },
+    Working { photo: String, number: usize, of: usize },
     /// The last photo, before and after.
-    Result {
-        /// File name.
-        photo: String,
-        /// Whether the photo was returned unchanged.
-        untouched: bool,
-        /// The certificate in words, or the reason.
-        words: String,
-        /// What to do next.
-        hint: String,
-    },
+    Result { photo: String, untouched: bool, words: String, hint: String },
     /// Photos wait for the night.
-    Resting {
-        /// What they wait for.
-        words: String,
-        /// Their number.
-        photos: usize,
-        /// Incomplete photos.
-        others: String,
-    },
+    Resting { words: String, photos: usize, others: String },
     /// The operator is needed.
-    Trouble {
-        /// The problem.
-        what: String,
-        /// What to do.
-        to_do: String,
-    },
+    Trouble { what: String, to_do: String },
     /// Maintenance.
-    Maintenance {
-        /// State of the maintenance.
-        words: String,
-    },
+    Maintenance { words: String },
 }
 
 impl Screen {
@@ -169,7 +118,8 @@ const GREEN: PanelColour = [96, 214, 140];
 const AMBER: PanelColour = [255, 194, 74];
 const SKY: PanelColour = [110, 190, 255];
 
-fn photos(count: usize) -> String {
+/// A number of photos.
+pub(crate) fn photos(count: usize) -> String {
     if count == 1 { "1 photo".to_owned() } else { format!("{count} photos") }
 }
 
@@ -304,12 +254,12 @@ pub fn draw(screen: &Screen, size: Size, pair: Option<PhotoPair<'_>>) -> Codes {
         sheet.rectangle((edge as i32, bar_y), (room as i32, thick), [60, 74, 98]);
         sheet.rectangle((edge as i32, bar_y), ((room * share.clamp(0.0, 1.0)) as i32, thick), SKY);
     }
-    sheet.finish()
+    sheet.codes
 }
 
 /// Draws `pair` side by side from edge to edge, at most `tall_px` high; returns the height used.
 fn draw_pair(sheet: &mut Sheet, pair: PhotoPair<'_>, tall_px: f32, ground: PanelColour) -> f32 {
-    let size = sheet.size();
+    let size = sheet.codes.size();
     let gap = (size.width / 200).max(1) as i32;
     let half = (size.width as i32 - gap) / 2;
     let shape = pair.before.size();

@@ -143,9 +143,6 @@ pub fn picture(size: Size) -> Frame<Work> {
 
 /// Shows the pilot twice and compares the captures with the prediction over `photo`, the photo's
 /// part of the canvas.
-///
-/// # Errors
-/// When a capture fails.
 pub fn read(
     path: &mut LightPath<'_>,
     model: &LensModel,

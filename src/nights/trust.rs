@@ -18,7 +18,7 @@ pub(crate) const JUMP_S: f64 = 60.0;
 pub struct Calendar {
     source: ClockSource,
     /// Latest trusted time, seconds since 1970 UTC.
-    floor_unix_s: f64,
+    pub(crate) floor_unix_s: f64,
     /// Last reading: monotonic, calendar.
     last: Option<(f64, f64)>,
 }
@@ -26,18 +26,12 @@ pub struct Calendar {
 /// Trust in a reading of the calendar.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Trust {
-    /// The time is trusted.
-    Trusted {
-        /// Jump of the calendar since the last reading, seconds, if any.
-        jumped_s: Option<f64>,
-    },
+    /// The time is trusted; the jump of the calendar since the last reading, seconds, if any.
+    Trusted(Option<f64>),
     /// The clock was not set since the box was switched on.
     NotSet,
     /// The time is before the latest trusted one.
-    Past {
-        /// Latest trusted time, seconds since 1970 UTC.
-        floor_unix_s: f64,
-    },
+    Past,
 }
 
 impl Calendar {
@@ -46,31 +40,20 @@ impl Calendar {
         Calendar { source, floor_unix_s, last: None }
     }
 
-    /// Latest trusted time, seconds since 1970 UTC.
-    pub fn floor_unix_s(&self) -> f64 {
-        self.floor_unix_s
-    }
-
     /// Judges `unix_s`, read at the monotonic time `now_s`; `set` is whether the kernel reports its
     /// clock as synchronised.
     pub fn judge(&mut self, unix_s: f64, now_s: f64, set: bool) -> Trust {
         let jumped_s = self.last.map(|(then_s, then_unix)| (unix_s - then_unix) - (now_s - then_s));
         self.last = Some((now_s, unix_s));
         let jumped_s = jumped_s.filter(|jump| jump.abs() > JUMP_S);
-        match self.source {
-            // Trusted even when the network sets it back: then the floor was wrong.
-            ClockSource::Network if set => {}
-            ClockSource::Network => return Trust::NotSet,
-            ClockSource::Battery if unix_s + JUMP_S < self.floor_unix_s => {
-                return Trust::Past { floor_unix_s: self.floor_unix_s };
-            }
-            ClockSource::Battery => {}
-        }
         self.floor_unix_s = match self.source {
-            ClockSource::Network => unix_s,
+            // Trusted even when the network sets it back: then the floor was wrong.
+            ClockSource::Network if set => unix_s,
+            ClockSource::Network => return Trust::NotSet,
+            ClockSource::Battery if unix_s + JUMP_S < self.floor_unix_s => return Trust::Past,
             ClockSource::Battery => self.floor_unix_s.max(unix_s),
         };
-        Trust::Trusted { jumped_s }
+        Trust::Trusted(jumped_s)
     }
 }
 
@@ -83,23 +66,17 @@ mod tests {
         let mut calendar = Calendar::new(ClockSource::Network, 1000.0);
         assert_eq!(calendar.judge(500.0, 0.0, false), Trust::NotSet);
         assert_eq!(calendar.judge(5000.0, 1.0, false), Trust::NotSet);
-        assert_eq!(calendar.judge(9000.0, 2.0, true), Trust::Trusted { jumped_s: Some(3999.0) });
-        assert_eq!(calendar.judge(9001.0, 3.0, true), Trust::Trusted { jumped_s: None });
-        assert_eq!(calendar.floor_unix_s(), 9001.0);
+        assert_eq!(calendar.judge(9000.0, 2.0, true), Trust::Trusted(Some(3999.0)));
+        assert_eq!(calendar.judge(9001.0, 3.0, true), Trust::Trusted(None));
+        assert_eq!(calendar.floor_unix_s, 9001.0);
     }
 
     #[test]
     fn with_a_battery_time_does_not_go_back_after_a_reboot() {
         let mut calendar = Calendar::new(ClockSource::Battery, 1e6);
-        assert_eq!(calendar.judge(10.0, 0.0, false), Trust::Past { floor_unix_s: 1e6 });
-        assert_eq!(
-            calendar.judge(1e6 + 5.0, 1.0, false),
-            Trust::Trusted { jumped_s: Some(1e6 - 6.0) }
-        );
-        assert_eq!(
-            calendar.judge(1e6 - 90_000.0, 2.0, false),
-            Trust::Past { floor_unix_s: 1e6 + 5.0 }
-        );
+        assert_eq!(calendar.judge(10.0, 0.0, false), Trust::Past);
+        assert_eq!(calendar.judge(1e6 + 5.0, 1.0, false), Trust::Trusted(Some(1e6 - 6.0)));
+        assert_eq!(calendar.judge(1e6 - 90_000.0, 2.0, false), Trust::Past);
     }
 
     #[test]
@@ -107,7 +84,7 @@ mod tests {
         let mut calendar = Calendar::new(ClockSource::Network, 0.0);
         calendar.judge(1e6, 0.0, true);
         let day = 86_400.0;
-        assert_eq!(calendar.judge(1e6 + day, 0.0, true), Trust::Trusted { jumped_s: Some(day) });
-        assert_eq!(calendar.judge(1e6, 0.0, true), Trust::Trusted { jumped_s: Some(-day) });
+        assert_eq!(calendar.judge(1e6 + day, 0.0, true), Trust::Trusted(Some(day)));
+        assert_eq!(calendar.judge(1e6, 0.0, true), Trust::Trusted(Some(-day)));
     }
 }

@@ -16,19 +16,13 @@ pub struct Window {
 
 /// Position of a time relative to the window.
 #[derive(Debug, Clone, PartialEq)]
+#[allow(missing_docs)] // Fields are described with their variants.
 pub enum Hours {
-    /// Inside.
-    Open {
-        /// Seconds until the window closes; `None` for always.
-        remaining_s: Option<f64>,
-    },
-    /// Outside.
-    Closed {
-        /// Seconds until it opens.
-        opens_in_s: f64,
-        /// For example "the night begins at 22:00 (Europe/Vienna)".
-        words: String,
-    },
+    /// Inside, with the seconds until the window closes; `None` for always.
+    Open { remaining_s: Option<f64> },
+    /// Outside, with the seconds until it opens, and words such as "the night begins at 22:00
+    /// (Europe/Vienna)".
+    Closed { opens_in_s: f64, words: String },
 }
 
 impl Window {

@@ -49,10 +49,10 @@ fn served(fault: Fault, bad: usize, watch_s: Option<f64>) -> (ModelDisk, Summary
     let folders = Folders::on(Arc::new(disk.clone()), Path::new(ROOT)).unwrap();
     let photo = file(Format::Png, 8, RIG);
     for n in 0..bad {
-        let path = folders.inbox().join(format!("bad-{n}.png"));
+        let path = folders.inbox.join(format!("bad-{n}.png"));
         disk.drop_in(&path, &photo, 10_000 + n as u64);
     }
-    disk.drop_in(&folders.inbox().join("good.png"), &photo, 20_000);
+    disk.drop_in(&folders.inbox.join("good.png"), &photo, 20_000);
     let (clock, mut restorer, mut watcher) = (TestClock::default(), Brightener::default(), ());
     let calendar = || UNIX_EPOCH + Duration::from_secs(CALENDAR_UNIX_S);
     let mut daemon =

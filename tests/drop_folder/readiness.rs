@@ -138,8 +138,8 @@ fn once_leaves_recently_changed_incomplete_photos() {
     for calendar in [SystemTime::now(), UNIX_EPOCH] {
         let calendar = || calendar;
         let folders = Folders::on(
-            std::sync::Arc::new(relens::disk::LocalDisk::new(vec![folders.root().to_owned()])),
-            folders.root(),
+            std::sync::Arc::new(relens::disk::LocalDisk::new(vec![folders.root.to_owned()])),
+            &folders.root,
         )
         .unwrap();
         let mut daemon =

@@ -33,7 +33,7 @@ pub const SCENES: &str = "scenes";
 #[derive(Debug, Default)]
 pub(crate) struct Gallery {
     reports: Vec<Report>,
-    failed: Vec<Failed>,
+    pub(super) failed: Vec<Failed>,
     /// Numbers of photos waiting in the inbox.
     pub(crate) waiting: Waiting,
     /// Names of the originals in `done`, by the name of the result.
@@ -48,7 +48,7 @@ impl Gallery {
     /// Reads outbox and `failed`. An unreadable report is skipped with a warning.
     pub(crate) fn load(folders: &Folders) -> Result<Gallery, FileError> {
         let mut gallery = Gallery::default();
-        let (files, outbox, failed) = (folders.files(), folders.outbox(), folders.failed());
+        let (files, outbox, failed) = (&folders.files, &folders.outbox, &folders.failed);
         let found = files.list(outbox)?;
         let names: HashSet<&OsStr> = found.iter().map(|(name, _)| name.as_os_str()).collect();
         for name in &names {
@@ -65,7 +65,7 @@ impl Gallery {
                 ),
             }
         }
-        let pages = files.list(folders.previews())?;
+        let pages = files.list(&folders.previews)?;
         gallery.last_page =
             pages.iter().filter_map(|(name, _)| page::number(name)).max().unwrap_or(0);
         for (name, _) in files.list(failed)? {
@@ -109,15 +109,10 @@ impl Gallery {
         (!last.is_empty()).then(|| seconds / last.len() as f64)
     }
 
-    /// Adds a rejected photo.
-    pub(crate) fn add_failed(&mut self, failed: Failed) {
-        self.failed.push(failed);
-    }
-
     /// Finds the originals in `done`: under the photo's name or the result's, whichever file has
     /// the photo's length.
     fn find_originals(&mut self, folders: &Folders) {
-        let (files, done) = (folders.files(), folders.done());
+        let (files, done) = (&folders.files, &folders.done);
         let found: HashSet<OsString> =
             files.list(done).unwrap_or_default().into_iter().map(|(name, _)| name).collect();
         self.originals.retain(|_, name| found.contains(name));
@@ -156,7 +151,7 @@ impl Gallery {
         deferred: &[Failed],
         now_unix_s: u64,
     ) -> Result<(), FileError> {
-        let (files, outbox, previews) = (folders.files(), folders.outbox(), folders.previews());
+        let (files, outbox, previews) = (&folders.files, &folders.outbox, &folders.previews);
         // Oldest first: a full page does not change any more.
         self.reports
             .sort_by(|a, b| (a.finished_unix_s, &a.photo).cmp(&(b.finished_unix_s, &b.photo)));
@@ -202,7 +197,7 @@ impl Gallery {
 
 /// Names of the known scenes.
 fn scenes(folders: &Folders) -> HashSet<OsString> {
-    let found = folders.files().list(&folders.root().join(SCENES)).unwrap_or_default();
+    let found = folders.files.list(&folders.root.join(SCENES)).unwrap_or_default();
     found.into_iter().map(|(name, _)| name).collect()
 }
 
@@ -230,13 +225,13 @@ fn write_photo_pages(
         let sum = crc32fast::hash(html.as_bytes());
         if pages > 1 && written[n] != sum {
             let name = page::page_name(n + 1);
-            folders.files().replace(folders.previews(), name.as_ref(), html.as_bytes())?;
+            folders.files.replace(&folders.previews, name.as_ref(), html.as_bytes())?;
             written[n] = sum;
         }
     }
     let last_page = if pages > 1 { pages } else { 0 };
     for n in last_page + 1..=old_last_page {
-        let _ = folders.files().remove(&folders.outbox().join(page::page_address(n)));
+        let _ = folders.files.remove(&folders.outbox.join(page::page_address(n)));
     }
     Ok(last_page)
 }

@@ -53,11 +53,6 @@ pub(super) fn span(seconds: f64) -> String {
     }
 }
 
-/// A number of photos.
-pub(super) fn photos(count: usize) -> String {
-    if count == 1 { "1 photo".to_owned() } else { format!("{count} photos") }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;

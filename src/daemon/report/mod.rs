@@ -23,7 +23,7 @@ use summary::Summary;
 pub(super) struct Reporter {
     rig: String,
     needs_button: bool,
-    gallery: Gallery,
+    pub(super) gallery: Gallery,
     written: Option<Moment>,
     /// Whether the gallery shows results that were removed.
     pub(super) stale: bool,
@@ -78,7 +78,7 @@ impl Reporter {
     /// Adds a rejected photo.
     pub(super) fn add_failed(&mut self, failed: Failed) {
         log::warn!("not restored: {}", failed.reason);
-        self.gallery.add_failed(failed.clone());
+        self.gallery.failed.push(failed.clone());
         self.summary.add_failed(failed);
     }
 
@@ -92,11 +92,6 @@ impl Reporter {
     /// The summary, with the photos still in the inbox.
     pub(super) fn summary(&self, deferred: Vec<Failed>, waiting: Waiting) -> Summary {
         Summary { deferred, waiting, ..self.summary.clone() }
-    }
-
-    /// Mean duration of the last photos, seconds.
-    pub(super) fn usual_s(&self) -> Option<f64> {
-        self.gallery.usual_s()
     }
 
     /// Writes the state file and the page's status line. Errors are logged only.

@@ -11,14 +11,14 @@ const NAME: &str = "now.html";
 
 /// Address of the status line, relative to the outbox, once it was written.
 pub(super) fn address(folders: &Folders) -> Option<String> {
-    let exists = folders.files().metadata(&folders.previews().join(NAME)).is_ok();
+    let exists = folders.files.metadata(&folders.previews.join(NAME)).is_ok();
     exists.then(|| format!("gallery/{NAME}"))
 }
 
 /// Writes the status line.
 pub(super) fn write(folders: &Folders, doing: &Doing, now_unix_s: u64) -> Result<(), FileError> {
     let bytes = line(doing, now_unix_s);
-    folders.files().replace_for_now(folders.previews(), NAME.as_ref(), bytes.as_bytes())
+    folders.files.replace_for_now(&folders.previews, NAME.as_ref(), bytes.as_bytes())
 }
 
 fn line(doing: &Doing, now_unix_s: u64) -> String {

@@ -4,10 +4,11 @@ use std::ffi::OsStr;
 use std::fmt::Write;
 
 use super::card::{GalleryPhoto, card, thumbnail};
-use super::html::{escape, moment, photos};
+use super::html::{escape, moment};
 use crate::daemon::store::names::address;
 use crate::daemon::store::report_file::{Failed, ResultKind};
 use crate::daemon::store::waiting::Waiting;
+use crate::kiosk::screen::photos;
 
 /// Photos without a result listed openly; longer lists are folded.
 const LISTED: usize = 5;

@@ -16,28 +16,17 @@ const NAME: &str = ".relens-state.json";
 /// State of the daemon.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", tag = "is")]
+#[allow(missing_docs)] // Fields are described with their variants.
 pub enum Doing {
     /// No photo waits.
     Waiting,
-    /// A photo is being restored.
-    Restoring {
-        /// File name.
-        photo: String,
-        /// Progress, 0..1.
-        done: f64,
-        /// Estimated seconds until it and the photos behind it are done.
-        remaining_s: Option<f64>,
-    },
+    /// A photo is being restored: progress 0..1, and the estimated seconds until it and the photos
+    /// behind it are done.
+    Restoring { photo: String, done: f64, remaining_s: Option<f64> },
     /// Photos wait for button, panel or night.
-    Paused {
-        /// What they wait for.
-        reason: String,
-    },
+    Paused { reason: String },
     /// The operator is needed.
-    Held {
-        /// Why.
-        reason: String,
-    },
+    Held { reason: String },
     /// The daemon has stopped.
     Ended,
 }
@@ -88,19 +77,13 @@ impl State {
     }
 
     /// Writes the state file, atomically.
-    ///
-    /// # Errors
-    /// When it cannot be written.
     pub fn write(&self, folders: &Folders) -> Result<(), FileError> {
-        let root = folders.root();
+        let root = &folders.root;
         let bytes = json_in_lines(self, root)?;
-        folders.files().replace_for_now(root, NAME.as_ref(), &bytes)
+        folders.files.replace_for_now(root, NAME.as_ref(), &bytes)
     }
 
     /// Reads the state file under `root`; `None` when there is none.
-    ///
-    /// # Errors
-    /// When it cannot be read.
     pub fn read(root: &Path) -> Result<Option<State>, FileError> {
         let path = root.join(NAME);
         let read = match std::fs::read(&path) {

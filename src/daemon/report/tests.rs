@@ -51,7 +51,7 @@ pub(super) fn report(n: u64) -> Report {
 
 /// Adds a photo whose result is in the outbox.
 fn add(gallery: &mut Gallery, folders: &Folders, report: &Report) {
-    std::fs::write(folders.outbox().join(&report.result), "").unwrap();
+    std::fs::write(folders.outbox.join(&report.result), "").unwrap();
     gallery.add(report);
 }
 
@@ -67,19 +67,19 @@ fn write_gallery(root: &Path, count: u64) -> PathBuf {
             Frame::from_fn(|c| Plane::filled(Size::new(256, 192), rgb[c.index()]));
         preview("a", &light, &Manner::plain(Format::Jpeg, 8, Curve::Srgb), false, px).unwrap()
     };
-    let previews = folders.previews().to_owned();
+    let previews = folders.previews.to_owned();
     std::fs::write(previews.join("a-before.jpg"), picture([0.0, 0.0, 255.0], 256)).unwrap();
     std::fs::write(previews.join("a-after.jpg"), picture([255.0, 0.0, 0.0], 256)).unwrap();
     std::fs::write(previews.join("a-small.jpg"), picture([0.0, 255.0, 0.0], 160)).unwrap();
     let mut gallery = Gallery::default();
     (0..count).for_each(|n| add(&mut gallery, &folders, &report(n)));
     for name in ["cut.jpg", "empty.jpg"] {
-        gallery.add_failed(Failed { photo: name.into(), reason: format!("{name}: not a photo") });
+        gallery.failed.push(Failed { photo: name.into(), reason: format!("{name}: not a photo") });
     }
     let reason = "photos were postponed: press the button";
     now::write(&folders, &Doing::Paused { reason: reason.into() }, 1_700_030_000).unwrap();
     gallery.write(&folders, "small", &[], 1_700_030_000).unwrap();
-    folders.outbox().to_owned()
+    folders.outbox.to_owned()
 }
 
 #[test]
@@ -113,10 +113,10 @@ fn originals_and_scenes_are_found() {
     std::fs::create_dir(root.path().join(SCENES)).unwrap();
     std::fs::write(root.path().join(SCENES).join("photo 0001.jpg"), "a").unwrap();
     // The second photo's original exists; the third's has another length, so is another photo.
-    std::fs::write(folders.done().join("photo 0001.jpg"), "a").unwrap();
-    std::fs::write(folders.done().join("photo 0002.jpg"), "abc").unwrap();
+    std::fs::write(folders.done.join("photo 0001.jpg"), "a").unwrap();
+    std::fs::write(folders.done.join("photo 0002.jpg"), "abc").unwrap();
     gallery.write(&folders, "small", &[], 0).unwrap();
-    let index = std::fs::read_to_string(folders.outbox().join("index.html")).unwrap();
+    let index = std::fs::read_to_string(folders.outbox.join("index.html")).unwrap();
     assert_eq!(index.matches("class=\"scene\"").count(), 1);
     assert!(index.contains("src=\"../scenes/photo%200001.jpg\""));
     assert_eq!(index.matches("Download original").count(), 1);
@@ -125,7 +125,7 @@ fn originals_and_scenes_are_found() {
     gallery.remove(&report(1).result);
     gallery.add(&Report { photo_bytes: 2, ..report(1) });
     gallery.write(&folders, "small", &[], 0).unwrap();
-    let index = std::fs::read_to_string(folders.outbox().join("index.html")).unwrap();
+    let index = std::fs::read_to_string(folders.outbox.join("index.html")).unwrap();
     assert!(!index.contains("Download original"));
 }
 
@@ -136,11 +136,11 @@ fn full_pages_are_written_once() {
     let mut gallery = Gallery::default();
     (0..130).for_each(|n| add(&mut gallery, &folders, &report(n)));
     gallery.write(&folders, "small", &[], 0).unwrap();
-    let first = folders.outbox().join(page::page_address(1));
+    let first = folders.outbox.join(page::page_address(1));
     std::fs::remove_file(&first).unwrap();
     add(&mut gallery, &folders, &report(130));
     gallery.write(&folders, "small", &[], 0).unwrap();
-    assert!(!first.exists() && folders.outbox().join(page::page_address(3)).exists());
+    assert!(!first.exists() && folders.outbox.join(page::page_address(3)).exists());
 }
 
 #[test]
@@ -150,10 +150,10 @@ fn superfluous_pages_are_removed_also_by_the_next_daemon() {
     let mut gallery = Gallery::default();
     (0..130).for_each(|n| add(&mut gallery, &folders, &report(n)));
     gallery.write(&folders, "small", &[], 0).unwrap();
-    let page = |n| folders.outbox().join(page::page_address(n)).exists();
+    let page = |n| folders.outbox.join(page::page_address(n)).exists();
     assert_eq!([1, 2, 3].map(page), [true; 3]);
     for n in 0..30 {
-        std::fs::remove_file(folders.outbox().join(report(n).result)).unwrap();
+        std::fs::remove_file(folders.outbox.join(report(n).result)).unwrap();
     }
     gallery.write(&folders, "small", &[], 0).unwrap();
     assert_eq!([1, 2, 3].map(page), [true, true, false]);

@@ -94,10 +94,6 @@ impl<'a> Attended<'a> {
         self
     }
 
-    fn show(&mut self, screen: Screen, state: BoxState, rig: &mut dyn Restorer) {
-        self.before.show(screen, state, rig);
-    }
-
     /// Whether the front panel's loop hangs or has ended.
     fn is_stalled(&mut self) -> bool {
         let (rounds, now) = (self.before.front_panel.rounds(), self.before.clock.now());
@@ -133,7 +129,7 @@ impl<'a> Attended<'a> {
         }
         if requests.calibrate && self.maintenance.is_some() {
             let words = "The lens is being measured.".to_owned();
-            self.show(Screen::Maintenance { words }, BoxState::Working, rig);
+            self.before.show(Screen::Maintenance { words }, BoxState::Working, rig);
             let outcome = match rig.mend(Remedy::Recalibrate) {
                 Ok(()) => "The lens has been measured.".to_owned(),
                 Err(end) if end.was_asked_for() => {
@@ -146,7 +142,7 @@ impl<'a> Attended<'a> {
             self.before.forget_screen();
         }
         let words = self.maintenance.clone()?;
-        self.show(Screen::Maintenance { words }, BoxState::Maintenance, rig);
+        self.before.show(Screen::Maintenance { words }, BoxState::Maintenance, rig);
         Some(Turn::Hold { reason: "maintenance".to_owned(), awaited: Awaited::Rig, until: None })
     }
 
@@ -165,7 +161,11 @@ impl<'a> Attended<'a> {
         let screen = Screen::Resting { words, photos: waiting, others };
         // Photos that wait for the button must get it.
         let is_button = awaited == Awaited::Button;
-        self.show(screen, if is_button { BoxState::Waiting } else { BoxState::Resting }, rig);
+        self.before.show(
+            screen,
+            if is_button { BoxState::Waiting } else { BoxState::Resting },
+            rig,
+        );
     }
 
     /// Holds the photos until the button is pressed.
@@ -176,7 +176,7 @@ impl<'a> Attended<'a> {
         };
         let others = self.incomplete.clone();
         let screen = self.recent_result(&hint, Screen::Waiting { photos, others });
-        self.show(screen, BoxState::Waiting, rig);
+        self.before.show(screen, BoxState::Waiting, rig);
         let reason = "press the button to restore the photos".to_owned();
         Turn::Hold { reason, awaited: Awaited::Button, until: None }
     }
@@ -201,7 +201,7 @@ impl<'a> Attended<'a> {
             Some((ended, at)) if self.is_recent(at) && self.mode == Mode::Shoot => ended,
             _ => BoxState::Ready,
         };
-        self.show(screen, state, rig);
+        self.before.show(screen, state, rig);
     }
 
     fn is_recent(&self, at: Moment) -> bool {
@@ -265,7 +265,7 @@ impl Schedule for Attended<'_> {
             Event::Begun { photo, number, of } => {
                 self.before.forget_screen();
                 let screen = Screen::Working { photo: photo.to_owned(), number, of };
-                self.show(screen, BoxState::Working, rig);
+                self.before.show(screen, BoxState::Working, rig);
             }
             Event::Ended(end) => {
                 // The job's last capture has replaced the screen.
@@ -289,7 +289,7 @@ impl Schedule for Attended<'_> {
                 }
                 let (what, to_do) = (full_message(error), error.what_to_do());
                 let to_do = format!("{to_do} {TRY_AGAIN}");
-                self.show(Screen::Trouble { what, to_do }, BoxState::Trouble, rig);
+                self.before.show(Screen::Trouble { what, to_do }, BoxState::Trouble, rig);
             }
             Event::Pressed => {}
         }

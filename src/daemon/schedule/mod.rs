@@ -15,18 +15,13 @@ use crate::rig::Moment;
 
 /// Decision of a schedule.
 #[derive(Debug)]
+#[allow(missing_docs)] // Fields are described with their variants.
 pub enum Turn {
     /// Restore the next photo.
     Go,
-    /// Restore none for now; ask again at the next scan.
-    Hold {
-        /// The reason, for state file and log.
-        reason: String,
-        /// What photos wait for.
-        awaited: Awaited,
-        /// When that will change by the monotonic clock, if known.
-        until: Option<Moment>,
-    },
+    /// Restore none for now, for a reason in words, until this moment if it is known; ask again at
+    /// the next scan.
+    Hold { reason: String, awaited: Awaited, until: Option<Moment> },
     /// The operator is needed; ask again later.
     Help(DaemonError),
     /// Withdraw these results, put their photos back into the inbox, and ask again at once.
@@ -48,16 +43,10 @@ pub struct Question {
 
 /// An event for a schedule.
 #[derive(Debug, Clone, Copy)]
+#[allow(missing_docs)] // Fields are described with their variants.
 pub enum Event<'a> {
-    /// A job begins.
-    Begun {
-        /// Name of the photo.
-        photo: &'a str,
-        /// Its number in this pass, from 1.
-        number: usize,
-        /// Photos in this pass.
-        of: usize,
-    },
+    /// A job begins: the photo's name, and its number, from 1, of those in this pass.
+    Begun { photo: &'a str, number: usize, of: usize },
     /// The job has ended.
     Ended(&'a JobEnd),
     /// The operator is needed.

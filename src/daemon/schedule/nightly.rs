@@ -130,7 +130,7 @@ impl<'a> Nightly<'a> {
     /// Saves the state that survives a reboot. Errors are logged only: a full disk is reported with
     /// the photos.
     fn save(&mut self) {
-        self.record.floor_unix_s = self.calendar.floor_unix_s();
+        self.record.floor_unix_s = self.calendar.floor_unix_s;
         if let Err(error) = self.record.save(&self.folders) {
             log::debug!("cannot save the state of the night: {}", full_message(&error));
         }
@@ -140,14 +140,14 @@ impl<'a> Nightly<'a> {
     fn hours(&mut self, rig: &mut dyn Restorer) -> Option<Turn> {
         let (now, unix_s) = (self.now(), self.times.unix_s());
         let unknown = match self.calendar.judge(unix_s, now.0, (self.times.is_set)()) {
-            Trust::Trusted { jumped_s } => {
+            Trust::Trusted(jumped_s) => {
                 if let Some(jump) = jumped_s {
                     log::warn!("the clock was changed by {jump:+.0} s");
                 }
                 None
             }
             Trust::NotSet => Some("no network has set the clock yet"),
-            Trust::Past { .. } => Some("the clock shows a time in the past"),
+            Trust::Past => Some("the clock shows a time in the past"),
         };
         if let Some(why) = unknown {
             self.night = None;

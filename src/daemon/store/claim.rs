@@ -32,20 +32,6 @@ pub enum JobStep {
     Closed,
 }
 
-impl JobStep {
-    /// All steps in order.
-    pub const ALL: [JobStep; 8] = [
-        JobStep::Claimed,
-        JobStep::Recorded,
-        JobStep::Restored,
-        JobStep::Named,
-        JobStep::Reported,
-        JobStep::Delivered,
-        JobStep::Moved,
-        JobStep::Closed,
-    ];
-}
-
 /// Outcome of a claim.
 pub(crate) enum Claim {
     /// The photo's path in `working`.
@@ -60,8 +46,8 @@ pub(crate) enum Claim {
 pub(crate) fn claim(folders: &Folders, path: &Path) -> Result<Claim, FileError> {
     // Folder names become part of the photo's own name.
     let flat = path.iter().collect::<Vec<&OsStr>>().join(OsStr::new("-"));
-    let from = folders.inbox().join(path);
-    match folders.files().move_to_own(&from, folders.working(), &flat) {
+    let from = folders.inbox.join(path);
+    match folders.files.move_to_own(&from, &folders.working, &flat) {
         Err(error) if error.kind() == ErrorKind::NotFound => Ok(Claim::Gone),
         Err(error) if error.is_about(&from) && !error.is_of_disk() => Ok(Claim::Refused(error)),
         moved => moved.map(Claim::Path),
@@ -83,7 +69,7 @@ impl Claimed {
     /// The photo at `path` with its record, if there is one.
     pub(crate) fn at(folders: &Folders, path: PathBuf) -> Result<Claimed, FileError> {
         let name = path.file_name().unwrap_or(path.as_os_str()).to_owned();
-        let metadata: Metadata = folders.files().metadata(&path)?;
+        let metadata: Metadata = folders.files.metadata(&path)?;
         let ledger = Ledger::of(folders, &name, metadata)?;
         Ok(Claimed { path, name, metadata, ledger, delivered: false })
     }
@@ -99,7 +85,7 @@ impl Claimed {
         folders: &Folders,
         step: &mut dyn FnMut(JobStep),
     ) -> Result<Delivered, FileError> {
-        let (files, done) = (folders.files(), folders.done());
+        let (files, done) = (&folders.files, &folders.done);
         let kept = files.move_to(&self.path, done, &self.name)?;
         step(JobStep::Moved);
         // Before the record goes: without it the photo would be restored a second time.
@@ -113,7 +99,7 @@ impl Claimed {
     /// Moves the photo to `failed`, with `reason` in a note beside it.
     pub(crate) fn reject(&self, folders: &Folders, reason: String) -> Result<Failed, FileError> {
         let failed = Failed { photo: self.display_name(), reason };
-        let (files, folder) = (folders.files(), folders.failed());
+        let (files, folder) = (&folders.files, &folders.failed);
         // A note without its photo is left over from a power cut, and is overwritten.
         let taken = files.taken_names(folder)?;
         for name in numbered(&self.name).filter(|name| !taken.holds(name)) {

@@ -81,7 +81,7 @@ impl Delivery<'_> {
         step: &mut dyn FnMut(JobStep),
     ) -> Result<Report, FileError> {
         let wanted = self.wanted_name(&claimed.name);
-        let (files, outbox) = (self.folders.files(), self.folders.outbox());
+        let (files, outbox) = (&self.folders.files, &self.folders.outbox);
         loop {
             let name = free_result_name(files, outbox, wanted.clone())?;
             match self.deliver_as(&name, claimed, step) {
@@ -101,7 +101,7 @@ impl Delivery<'_> {
         let (folders, encoded) = (self.folders, self.encoded);
         claimed.ledger.name_result(folders, result)?;
         step(JobStep::Named);
-        let (files, outbox, previews) = (folders.files(), folders.outbox(), folders.previews());
+        let (files, outbox, previews) = (&folders.files, &folders.outbox, &folders.previews);
         let names = PictureNames::of(result);
         let report = self.report(result, &names);
         let report_name = report_name(result);

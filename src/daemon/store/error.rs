@@ -7,40 +7,24 @@ use crate::remedy::{Remediable, Remedy};
 
 /// A failure of the drop folder itself, as opposed to one of a photo or the rig.
 #[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)] // The sentences describe them.
 pub enum FolderError {
-    /// A file operation failed.
     #[error(transparent)]
     Files(#[from] FileError),
-    /// Another daemon works on this folder.
     #[error(
         "the folder {path} is in use by another relens; stop that one first (the service: \
          systemctl stop relens)"
     )]
-    InUse {
-        /// The root folder.
-        path: PathBuf,
-    },
+    InUse { path: PathBuf },
     /// The disk is nearly full; photos wait for space.
     #[error(
         "the disk of {path} is nearly full: found {found_mib} MiB free, needed {floor_mib}; remove \
          files, work then continues by itself"
     )]
-    Full {
-        /// A folder on the disk.
-        path: PathBuf,
-        /// Free space, MiB.
-        found_mib: u64,
-        /// Free space required, MiB.
-        floor_mib: u64,
-    },
+    Full { path: PathBuf, found_mib: u64, floor_mib: u64 },
     /// One of the five folders is inside another: photos would circulate endlessly.
     #[error("the folder {inner} is inside {outer}; the five folders must be separate")]
-    Nested {
-        /// The inner folder.
-        inner: PathBuf,
-        /// The outer folder.
-        outer: PathBuf,
-    },
+    Nested { inner: PathBuf, outer: PathBuf },
 }
 
 impl Remediable for FolderError {

@@ -14,14 +14,22 @@ pub(super) const NAMES: [&str; 5] = ["inbox", "working", "outbox", "done", "fail
 /// elsewhere; links inside them are not followed.
 #[derive(Clone)]
 pub struct Folders {
-    files: Files,
-    root: PathBuf,
-    inbox: PathBuf,
-    working: PathBuf,
-    outbox: PathBuf,
-    done: PathBuf,
-    failed: PathBuf,
-    previews: PathBuf,
+    /// The disk.
+    pub files: Files,
+    /// The root, absolute; it holds calibration and state.
+    pub root: PathBuf,
+    /// Photos dropped.
+    pub inbox: PathBuf,
+    /// Photos being restored.
+    pub working: PathBuf,
+    /// Results, their reports and the gallery.
+    pub outbox: PathBuf,
+    /// Originals with a result in the outbox.
+    pub done: PathBuf,
+    /// Rejected originals, each with a note.
+    pub failed: PathBuf,
+    /// Pictures of the gallery.
+    pub previews: PathBuf,
     /// Held for as long as a copy of this value lives.
     _lock: Option<Arc<File>>,
 }
@@ -45,46 +53,6 @@ impl Folders {
         Folders { files, root, inbox, working, outbox, done, failed, previews, _lock }
     }
 
-    /// The disk.
-    pub fn files(&self) -> &Files {
-        &self.files
-    }
-
-    /// The root, absolute; it holds calibration and state.
-    pub fn root(&self) -> &Path {
-        &self.root
-    }
-
-    /// Photos dropped.
-    pub fn inbox(&self) -> &Path {
-        &self.inbox
-    }
-
-    /// Photos being restored.
-    pub fn working(&self) -> &Path {
-        &self.working
-    }
-
-    /// Results, their reports and the gallery.
-    pub fn outbox(&self) -> &Path {
-        &self.outbox
-    }
-
-    /// Originals with a result in the outbox.
-    pub fn done(&self) -> &Path {
-        &self.done
-    }
-
-    /// Rejected originals, each with a note.
-    pub fn failed(&self) -> &Path {
-        &self.failed
-    }
-
-    /// Pictures of the gallery.
-    pub fn previews(&self) -> &Path {
-        &self.previews
-    }
-
     /// All folders, each after its parent.
     pub(super) fn all(&self) -> [&Path; 6] {
         let Folders { inbox, working, outbox, done, failed, previews, .. } = self;
@@ -98,9 +66,6 @@ impl Folders {
 
     /// Checks that the disk of the results has at least `floor_bytes` free; passes where the free
     /// space is unknown.
-    ///
-    /// # Errors
-    /// [`FolderError::Full`].
     pub(crate) fn check_free_space(&self, floor_bytes: u64) -> Result<(), FolderError> {
         const MIB: u64 = 1 << 20;
         for folder in [&self.outbox, &self.working] {

@@ -12,7 +12,7 @@ use super::companions::{KINDS, is_companion_at, is_hidden, is_junk};
 use super::folders::Folders;
 use super::hints::Hints;
 use super::report_file::Failed;
-use super::waiting::{Awaited, Waiting};
+use super::waiting::Waiting;
 use crate::disk::{FileError, FileKind, Files, Metadata};
 use crate::rig::Moment;
 
@@ -65,14 +65,15 @@ struct Retry {
 #[derive(Debug)]
 pub(crate) struct Inbox {
     seen: HashMap<PathBuf, SeenFile>,
-    /// When the next file will have been quiet for long enough.
-    due: Option<Moment>,
+    /// When the next known file will have been quiet for long enough.
+    pub(crate) due: Option<Moment>,
     /// Photos put back: not to be tried before their time unless they change.
     retries: HashMap<PathBuf, Retry>,
     /// Photos that stay for now, with the reason.
     deferred: BTreeMap<PathBuf, Failed>,
     hints: Hints,
-    waiting: Waiting,
+    /// Numbers of waiting photos by what they wait for.
+    pub(crate) waiting: Waiting,
     /// Files that are companions or not by their content, examined once while they do not change.
     examined: HashMap<PathBuf, (Metadata, bool)>,
     /// Number of files beside the photos, which stay.
@@ -111,7 +112,7 @@ impl Inbox {
         now: Moment,
         patience: Patience,
     ) -> Result<Ready, FileError> {
-        let (files, inbox) = (folders.files(), folders.inbox());
+        let (files, inbox) = (&folders.files, &folders.inbox);
         self.hints.watch(inbox, Path::new(""));
         let mut scan = InboxScan::default();
         collect(files, inbox, Path::new(""), 0, &mut scan)?;
@@ -207,9 +208,6 @@ impl Inbox {
     /// Whether the photo at `path`, ready at the last scan, is complete or has been waited for long
     /// enough. `find_missing` examines it and returns what it lacks; it is called once while the
     /// file does not change.
-    ///
-    /// # Errors
-    /// Those of `find_missing`.
     pub(crate) fn may_be_taken<E>(
         &mut self,
         path: &Path,
@@ -234,7 +232,7 @@ impl Inbox {
         deferred: Failed,
         retry_at: Moment,
     ) {
-        let metadata = folders.files().metadata(&folders.inbox().join(&path)).ok();
+        let metadata = folders.files.metadata(&folders.inbox.join(&path)).ok();
         self.retries.insert(path.clone(), Retry { metadata, at: retry_at });
         self.waiting.retry += 1;
         self.defer(path, deferred);
@@ -252,21 +250,6 @@ impl Inbox {
     /// One photo fewer waits for its turn.
     pub(crate) fn count_turn(&mut self) {
         self.waiting.turn = self.waiting.turn.saturating_sub(1);
-    }
-
-    /// The photo taken last is back in the inbox.
-    pub(crate) fn return_turn(&mut self) {
-        self.waiting.turn += 1;
-    }
-
-    /// Counts the photos that wait for their turn as waiting for `awaited`.
-    pub(crate) fn hold_for(&mut self, awaited: Awaited) {
-        self.waiting = self.waiting.held_for(awaited);
-    }
-
-    /// Numbers of waiting photos by what they wait for.
-    pub(crate) fn waiting(&self) -> Waiting {
-        self.waiting
     }
 
     /// Forgets the photo at `path`, which was taken.
@@ -288,11 +271,6 @@ impl Inbox {
     /// Whether the photo at `path` was deferred before.
     pub(crate) fn is_deferred(&self, path: &Path) -> bool {
         self.deferred.contains_key(path)
-    }
-
-    /// When the next known file will have been quiet for long enough.
-    pub(crate) fn due(&self) -> Option<Moment> {
-        self.due
     }
 
     /// Whether there were events in the inbox since the last call.
@@ -373,7 +351,7 @@ mod tests {
         let root = tempfile::tempdir().unwrap();
         let folders = Folders::open(root.path()).unwrap();
         let write = |name: &str, bytes: &[u8]| {
-            std::fs::write(folders.inbox().join(name), bytes).unwrap();
+            std::fs::write(folders.inbox.join(name), bytes).unwrap();
         };
         for (name, bytes) in [
             ("IMG_1.AAE", &b"<?xml"[..]),
@@ -412,7 +390,7 @@ mod tests {
     fn a_file_is_ready_once_it_is_quiet_and_complete() {
         let root = tempfile::tempdir().unwrap();
         let folders = Folders::open(root.path()).unwrap();
-        let file = folders.inbox().join("a.jpg");
+        let file = folders.inbox.join("a.jpg");
         std::fs::write(&file, b"one").unwrap();
         let mut inbox = Inbox::new(Hints::none());
         let patience =
@@ -424,7 +402,7 @@ mod tests {
             ready.retain(|path| {
                 let taken = inbox.may_be_taken(path, now, patience, || {
                     examined.set(examined.get() + 1);
-                    let bytes = std::fs::read(folders.inbox().join(path))?;
+                    let bytes = std::fs::read(folders.inbox.join(path))?;
                     Ok::<_, std::io::Error>(
                         (!bytes.ends_with(b"two")).then(|| "its end".to_owned()),
                     )

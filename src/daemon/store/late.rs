@@ -29,7 +29,7 @@ impl LateWrites {
         original: Metadata,
         until: Moment,
     ) {
-        let Ok(now) = folders.files().metadata(&kept(folders, &photo)) else { return };
+        let Ok(now) = folders.files.metadata(&kept(folders, &photo)) else { return };
         // A copy on another file system has a time of its own.
         let taken = if now.inode == original.inode { original } else { now };
         self.0.push(WatchedOriginal { photo, taken: (taken.size, taken.changed), until });
@@ -38,7 +38,7 @@ impl LateWrites {
     /// The photos whose originals have changed by `now`; they are watched no more, nor are those
     /// whose time has passed.
     pub(crate) fn take_changed(&mut self, folders: &Folders, now: Moment) -> Vec<Delivered> {
-        let files = folders.files();
+        let files = &folders.files;
         let mut changed = Vec::new();
         self.0.retain(|watched| {
             let Ok(found) = files.metadata(&kept(folders, &watched.photo)) else { return false };
@@ -55,5 +55,5 @@ impl LateWrites {
 }
 
 fn kept(folders: &Folders, photo: &Delivered) -> PathBuf {
-    folders.done().join(&photo.kept)
+    folders.done.join(&photo.kept)
 }

@@ -60,8 +60,8 @@ impl Ledger {
         name: &OsStr,
         metadata: Metadata,
     ) -> Result<Ledger, FileError> {
-        let (folder, file) = (folders.working().to_owned(), record_name(name));
-        let found: Option<LedgerEntry> = folders.files().read_json(&folder.join(&file))?;
+        let (folder, file) = (folders.working.to_owned(), record_name(name));
+        let found: Option<LedgerEntry> = folders.files.read_json(&folder.join(&file))?;
         let entry =
             found.filter(|e| e.photo == name.as_bytes() && e.file == FileIdentity::from(metadata));
         let photo = name.as_bytes().to_vec();
@@ -73,11 +73,11 @@ impl Ledger {
     pub(super) fn sweep(folders: &Folders) -> Result<(), FileError> {
         for (path, entry) in entries(folders)? {
             let waits = entry.is_some_and(|entry| {
-                let home = folders.inbox().join(OsString::from_vec(entry.photo));
-                folders.files().metadata(&home).is_ok_and(|l| FileIdentity::from(l) == entry.file)
+                let home = folders.inbox.join(OsString::from_vec(entry.photo));
+                folders.files.metadata(&home).is_ok_and(|l| FileIdentity::from(l) == entry.file)
             });
             if !waits {
-                folders.files().remove(&path)?;
+                folders.files.remove(&path)?;
             }
         }
         Ok(())
@@ -114,16 +114,16 @@ impl Ledger {
     /// damaged record names no result either, and without the change the next start decides alike.
     pub(super) fn forget_result(&mut self, folders: &Folders) -> Result<(), FileError> {
         self.entry.result = None;
-        folders.files().replace_for_now(&self.folder, &self.file, &self.bytes()?)
+        folders.files.replace_for_now(&self.folder, &self.file, &self.bytes()?)
     }
 
     /// Removes the record.
     pub(super) fn close(&self, folders: &Folders) -> Result<(), FileError> {
-        folders.files().remove(&self.folder.join(&self.file))
+        folders.files.remove(&self.folder.join(&self.file))
     }
 
     fn write(&self, folders: &Folders) -> Result<(), FileError> {
-        folders.files().replace_for_good(&self.folder, &self.file, &self.bytes()?)
+        folders.files.replace_for_good(&self.folder, &self.file, &self.bytes()?)
     }
 
     fn bytes(&self) -> Result<Vec<u8>, FileError> {
@@ -133,7 +133,7 @@ impl Ledger {
 
 /// The records in `working` with their paths; `None` for an unreadable one.
 fn entries(folders: &Folders) -> Result<Vec<(PathBuf, Option<LedgerEntry>)>, FileError> {
-    let (files, folder) = (folders.files(), folders.working());
+    let (files, folder) = (&folders.files, &folders.working);
     let names = files.list(folder)?.into_iter().map(|(name, _)| name);
     let records = names.filter(|name| name.as_bytes().starts_with(RECORD_PREFIX.as_bytes()));
     let read = |name| {

@@ -28,9 +28,6 @@ pub(super) fn record_name(photo: &OsStr) -> OsString {
 
 /// The first of `wanted` and its numbered variants that neither a file nor a report in `outbox`
 /// uses.
-///
-/// # Errors
-/// When `outbox` cannot be read.
 pub(super) fn free_result_name(
     files: &Files,
     outbox: &Path,

@@ -26,13 +26,13 @@ pub(crate) struct NightRecord {
 impl NightRecord {
     /// The record in `folders`; an empty one when none is readable.
     pub(crate) fn load(folders: &Folders) -> Result<NightRecord, FileError> {
-        let found = folders.files().read_json(&folders.root().join(NAME))?;
+        let found = folders.files.read_json(&folders.root.join(NAME))?;
         Ok(found.unwrap_or_default())
     }
 
     /// Writes the record, synchronised.
     pub(crate) fn save(&self, folders: &Folders) -> Result<(), FileError> {
-        let root = folders.root();
-        folders.files().replace_for_good(root, NAME.as_ref(), &json(self, root)?)
+        let root = &folders.root;
+        folders.files.replace_for_good(root, NAME.as_ref(), &json(self, root)?)
     }
 }

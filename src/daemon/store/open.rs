@@ -59,9 +59,6 @@ impl Folders {
     }
 
     /// As [`Folders::open`] on any `disk`, without a lock; `root` must exist.
-    ///
-    /// # Errors
-    /// [`FolderError::Files`], as [`Folders::open`].
     pub fn on(disk: Arc<dyn Disk>, root: &Path) -> Result<Folders, FolderError> {
         let places = NAMES.map(|name| root.join(name));
         recovered(Folders::at(Files::on(disk), root.to_owned(), places, None))
@@ -76,14 +73,14 @@ impl Folders {
 
 /// Removes temporary files and completes or reverts interrupted jobs.
 fn recovered(folders: Folders) -> Result<Folders, FolderError> {
-    let files = folders.files();
+    let files = &folders.files;
     for folder in folders.all() {
         files.make_folder(folder)?;
         files.sweep(folder)?;
     }
-    files.sweep(folders.root())?;
-    files.sync_folder(folders.root())?;
-    files.sync_folder(folders.outbox())?;
+    files.sweep(&folders.root)?;
+    files.sync_folder(&folders.root)?;
+    files.sync_folder(&folders.outbox)?;
     recover::recover(&folders)?;
     Ok(folders)
 }

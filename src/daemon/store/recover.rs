@@ -27,22 +27,22 @@ pub(super) fn recover(folders: &Folders) -> Result<(), FileError> {
 
 /// Names of the photos in `working`.
 fn photos(folders: &Folders) -> Result<Vec<OsString>, FileError> {
-    let found = folders.files().list(folders.working())?;
+    let found = folders.files.list(&folders.working)?;
     let photo = |(name, kind): &(OsString, FileKind)| !is_hidden(name) && *kind != FileKind::Folder;
     Ok(found.into_iter().filter(photo).map(|(name, _)| name).collect())
 }
 
 /// Closes the job of the photo `name`, or puts the photo back into the inbox.
 fn recover_photo(folders: &Folders, name: &OsStr) -> Result<(), FileError> {
-    let (files, path) = (folders.files(), folders.working().join(name));
+    let (files, path) = (&folders.files, folders.working.join(name));
     let mut ledger = Ledger::of(folders, name, files.metadata(&path)?)?;
     let photo = name.to_string_lossy();
     if let Some(result) = ledger.result() {
-        let exists = files.exists(&folders.outbox().join(&result))?;
+        let exists = files.exists(&folders.outbox.join(&result))?;
         if exists && is_reported(folders, &result, &path)? {
-            files.move_to(&path, folders.done(), name)?;
+            files.move_to(&path, &folders.done, name)?;
             // Before the record goes: without it the photo would be restored a second time.
-            files.sync_folder(folders.done())?;
+            files.sync_folder(&folders.done)?;
             log::info!(
                 "{photo}: found in working after a stop with its result delivered, moved to done"
             );
@@ -54,7 +54,7 @@ fn recover_photo(folders: &Folders, name: &OsStr) -> Result<(), FileError> {
         }
         ledger.forget_result(folders)?;
     }
-    files.move_to(&path, folders.inbox(), name)?;
+    files.move_to(&path, &folders.inbox, name)?;
     log::info!("{photo}: found in working after a stop, moved to inbox");
     Ok(())
 }
@@ -66,12 +66,12 @@ pub(crate) fn settle(
     name: &OsStr,
     delivered: bool,
 ) -> Result<Option<PathBuf>, FileError> {
-    let (files, path) = (folders.files(), folders.working().join(name));
+    let (files, path) = (&folders.files, folders.working.join(name));
     let metadata = match files.metadata(&path) {
         Err(error) if error.kind() == ErrorKind::NotFound => {
             // Moved already but not synchronised. Its record is removed at the next start.
-            files.sync_folder(folders.done())?;
-            files.sync_folder(folders.failed())?;
+            files.sync_folder(&folders.done)?;
+            files.sync_folder(&folders.failed)?;
             return Ok(None);
         }
         looked => looked?,
@@ -84,7 +84,7 @@ pub(crate) fn settle(
     if let Some(result) = ledger.result() {
         remove_result(folders, &result, &path)?;
     }
-    let path = files.move_to(&path, folders.inbox(), name)?;
+    let path = files.move_to(&path, &folders.inbox, name)?;
     ledger.close(folders)?;
     Ok(Some(PathBuf::from(path.file_name().unwrap_or(name))))
 }
@@ -95,19 +95,19 @@ fn remove_result(folders: &Folders, result: &OsStr, path: &Path) -> Result<(), F
     if !is_reported(folders, result, path)? {
         return Ok(());
     }
-    let outbox = folders.outbox();
+    let outbox = &folders.outbox;
     // The result first: after a cut a report may remain without its result.
     for path in [outbox.join(result), outbox.join(report_name(result))] {
-        folders.files().remove(&path)?;
-        folders.files().sync_folder(outbox)?;
+        folders.files.remove(&path)?;
+        folders.files.sync_folder(outbox)?;
     }
     Ok(())
 }
 
 /// Whether the report beside `result` belongs to the photo at `path`, by its checksum.
 fn is_reported(folders: &Folders, result: &OsStr, path: &Path) -> Result<bool, FileError> {
-    let files = folders.files();
-    let Some(report) = read_report(files, &folders.outbox().join(report_name(result)))? else {
+    let files = &folders.files;
+    let Some(report) = read_report(files, &folders.outbox.join(report_name(result)))? else {
         return Ok(false);
     };
     let (crc32, length) = files.checksum(path)?;

@@ -14,7 +14,7 @@ pub(crate) fn keep(
     photo: &TakenPhoto,
     unix_s: u64,
 ) -> Result<String, FileError> {
-    let (files, inbox) = (folders.files(), folders.inbox());
+    let (files, inbox) = (&folders.files, &folders.inbox);
     let taken = files.taken_names(inbox)?;
     let name = format!("photo-{}.{}", date(unix_s), photo.ending);
     let mut free = numbered(OsStr::new(&name)).filter(|name| !taken.holds(name));

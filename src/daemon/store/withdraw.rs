@@ -12,17 +12,17 @@ use crate::disk::files::numbered;
 /// `outbox/withdrawn`. Files already moved are skipped, so that it can be repeated after a power
 /// cut.
 pub(crate) fn withdraw(folders: &Folders, photos: &[Delivered]) -> Result<(), FileError> {
-    let (files, outbox, withdrawn) = (folders.files(), folders.outbox(), folders.withdrawn());
+    let (files, outbox, withdrawn) = (&folders.files, &folders.outbox, folders.withdrawn());
     files.make_folder(&withdrawn)?;
     files.sync_folder(outbox)?;
     for Delivered { kept, .. } in photos {
-        let original = folders.done().join(kept);
+        let original = folders.done.join(kept);
         if files.metadata(&original).is_ok() {
-            files.move_to(&original, folders.inbox(), kept)?;
+            files.move_to(&original, &folders.inbox, kept)?;
         }
     }
     // The photos first: a photo in `done` must have a result.
-    files.sync_folder(folders.inbox())?;
+    files.sync_folder(&folders.inbox)?;
     let mut reports = Vec::new();
     for Delivered { result, .. } in photos {
         let taken = files.taken_names(&withdrawn)?;
@@ -55,8 +55,8 @@ pub(crate) fn withdraw(folders: &Folders, photos: &[Delivered]) -> Result<(), Fi
 
 /// Whether any file of `photo` is still to be withdrawn.
 pub(crate) fn is_in_place(folders: &Folders, photo: &Delivered) -> bool {
-    let exists = |path: PathBuf| folders.files().metadata(&path).is_ok();
-    let (done, outbox) = (folders.done(), folders.outbox());
+    let exists = |path: PathBuf| folders.files.metadata(&path).is_ok();
+    let (done, outbox) = (&folders.done, &folders.outbox);
     // After a cut only the report may remain.
     exists(done.join(&photo.kept))
         || exists(outbox.join(&photo.result))
