@@ -71,15 +71,16 @@ fn run(rig: &RigFile, folder: &Path, front: &FrontPanel, ended: &dyn Fn() -> boo
 /// Runs with those of button and lamps that the board has and that can be opened.
 #[cfg(feature = "hardware")]
 fn run_on_board(parts: &relens::config::Hardware, front: &FrontPanel, ended: &dyn Fn() -> bool) {
-    use relens::rig::hardware::{open_button, open_lamps};
+    use relens::rig::button::Button;
+    use relens::rig::lamps::Lamps;
     use relens::rig::{ButtonLevel, LampRow};
 
     let warn = |error| log::warn!("{}", relens::remedy::full_message(&error));
-    let mut lamps: Box<dyn LampRow> = match open_lamps(&parts.lamps).map_err(warn) {
+    let mut lamps: Box<dyn LampRow> = match Lamps::open(&parts.lamps).map_err(warn) {
         Ok(lamps) => Box::new(lamps),
         Err(()) => Box::new(()),
     };
-    let mut button = parts.button.as_ref().and_then(|line| open_button(line).map_err(warn).ok());
+    let mut button = parts.button.as_ref().and_then(|line| Button::open(line).map_err(warn).ok());
     let button = button.as_mut().map(|button| button as &mut dyn ButtonLevel);
     attend(front, button, &mut *lamps, &Monotonic, ended);
 }

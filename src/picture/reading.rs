@@ -49,18 +49,12 @@ impl ReadOptions {
     }
 
     /// The photo in the plain file `file`, called `name`, on the rig's grid.
-    ///
-    /// # Errors
-    /// As [`Photo::of_file`] and [`Photo::fit`], or [`Flaw::Larger`].
     pub fn photo_of_file(&self, name: &str, file: File) -> Result<Photo, PictureError> {
         let limits = self.limits.on(self.grid);
         self.finish(Photo::of_file(name, file, self.curve, &limits)?.fit(self.grid)?)
     }
 
     /// The photo in `bytes`, called `name`, on the rig's grid.
-    ///
-    /// # Errors
-    /// As [`Photo::from_bytes`] and [`Photo::fit`], or [`Flaw::Larger`].
     pub fn photo_of_bytes(&self, name: &str, bytes: &[u8]) -> Result<Photo, PictureError> {
         let limits = self.limits.on(self.grid);
         self.finish(Photo::from_bytes(name, bytes, self.curve, &limits)?.fit(self.grid)?)

@@ -52,7 +52,8 @@ mod line {
 
     use gpiocdev::line::{Bias, EdgeDetection, Value};
 
-    use crate::rig::gpio_line::{CONSUMER, LineName, find};
+    use crate::config::{GpioLine, Level};
+    use crate::rig::gpio_line::{CONSUMER, find};
     use crate::rig::monotonic::Monotonic;
     use crate::rig::{ButtonLevel, Clock, Moment, RigError};
 
@@ -78,12 +79,12 @@ mod line {
         ///
         /// # Errors
         /// When there is no such line, or another program uses it.
-        pub fn open(name: &LineName) -> Result<Self, RigError> {
+        pub fn open(name: &GpioLine) -> Result<Self, RigError> {
             let place = find("button", name)?;
             let mut builder = gpiocdev::Request::builder();
             builder.on_chip(&place.node).with_consumer(CONSUMER).with_line(place.offset);
             builder.with_edge_detection(EdgeDetection::BothEdges);
-            if name.active_low {
+            if name.active == Level::Low {
                 builder.as_active_low().with_bias(Bias::PullUp);
             } else {
                 builder.with_bias(Bias::PullDown);

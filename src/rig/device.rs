@@ -71,18 +71,12 @@ pub trait Camera {
     }
     /// Sets the exposure to `times` the rig file's. Returns false, without effect, if it is set
     /// outside this program.
-    ///
-    /// # Errors
-    /// When the camera refuses the setting.
     fn expose_times(&mut self, times: f64) -> Result<bool, RigError> {
         let _ = times;
         Ok(false)
     }
     /// Sets the gain as near to `times` the rig file's as its steps allow, and returns the multiple
     /// reached. `None`, without effect, if it cannot be set.
-    ///
-    /// # Errors
-    /// When the camera refuses the setting.
     fn amplify_times(&mut self, times: f64) -> Result<Option<f64>, RigError> {
         let _ = times;
         Ok(None)
@@ -104,78 +98,33 @@ pub trait Clock {
 
 /// Error of a rig.
 #[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)] // The sentences describe them.
 pub enum RigError {
-    /// No frame before the deadline.
     #[error("no frame from the camera within {waited_ms:.0} ms of the trigger")]
-    NoFrame {
-        /// Time waited.
-        waited_ms: f64,
-    },
+    NoFrame { waited_ms: f64 },
     /// Frames arrived, but none could be identified as that of the picture shown.
     #[error(
         "none of {tries} exposures gave a frame of the picture shown; the last was {last}. Run \
          `relens check`: panel.settle-ms may be too short"
     )]
-    NotThisPicture {
-        /// Exposures made.
-        tries: u32,
-        /// Description of the last frame.
-        last: String,
-    },
+    NotThisPicture { tries: u32, last: String },
     /// The pulse that is the exposure had the wrong length.
     #[error("the trigger's pulse lasted {found_ms:.2} ms instead of {wanted_ms:.2}")]
-    PulseLength {
-        /// Length of the pulse.
-        found_ms: f64,
-        /// Exposure time.
-        wanted_ms: f64,
-    },
+    PulseLength { found_ms: f64, wanted_ms: f64 },
     /// A device is missing or disconnected.
     #[error("the {device} is gone: {what}")]
-    Gone {
-        /// Device.
-        device: &'static str,
-        /// Observation.
-        what: String,
-    },
-    /// The frame marks are not visible, so frames cannot be identified.
+    Gone { device: &'static str, what: String },
     #[error(
         "the camera does not see the panel's marks: {what}. If `relens check` finds them, \
          panel.settle-ms is too short"
     )]
-    NoMarks {
-        /// Observation.
-        what: String,
-    },
-    /// Another program uses a device, a line or the display.
+    NoMarks { what: String },
     #[error("the {device} is in use: {what}")]
-    Held {
-        /// Device.
-        device: &'static str,
-        /// The other user, as far as the kernel knows.
-        what: String,
-    },
-    /// A system call failed.
+    Held { device: &'static str, what: String },
     #[error("the {device} failed to {doing}")]
-    Failed {
-        /// Device.
-        device: &'static str,
-        /// Action that failed.
-        doing: &'static str,
-        /// Cause.
-        #[source]
-        source: std::io::Error,
-    },
-    /// A device refuses a setting.
+    Failed { device: &'static str, doing: &'static str, source: std::io::Error },
     #[error("the {device} cannot do what the rig file asks: found {found}, allowed {allowed}")]
-    Refused {
-        /// Device.
-        device: &'static str,
-        /// Setting requested.
-        found: String,
-        /// Settings allowed.
-        allowed: String,
-    },
+    Refused { device: &'static str, found: String, allowed: String },
 }
 
 impl Remediable for RigError {

@@ -133,9 +133,6 @@ impl Devices {
 
     /// Sets the exposure to `times` the rig file's. Returns false if this camera's exposure cannot
     /// be set.
-    ///
-    /// # Errors
-    /// When the camera refuses the setting.
     pub fn expose_times(&mut self, times: f64) -> Result<bool, RigError> {
         let is_set = self.camera.expose_times(times)?;
         if is_set {
@@ -175,9 +172,6 @@ impl Devices {
 
     /// Fires the trigger. After a pulse of wrong length its frame is thrown away and the pulse is
     /// repeated, up to [`Timing::exposures_max`] pulses in all.
-    ///
-    /// # Errors
-    /// As [`Trigger::fire`] and [`Camera::frame`].
     pub(crate) fn pulse(&mut self) -> Result<Moment, RigError> {
         for _ in 1..self.timing.exposures_max {
             match self.trigger.fire() {
@@ -228,9 +222,6 @@ impl Devices {
     }
 
     /// [`Devices::capture`] without marks, for a panel that may not be in view.
-    ///
-    /// # Errors
-    /// As [`Devices::capture`].
     pub fn capture_unproven(&mut self, codes: &Codes) -> Result<Exposed, RigError> {
         let marks = self.marks.take();
         let outcome = self.capture(codes);
@@ -240,9 +231,6 @@ impl Devices {
 
     /// Takes a photo: exposes without showing a picture. Frames from before the trigger are
     /// skipped; a missing frame is exposed again, up to [`Timing::exposures_max`] exposures in all.
-    ///
-    /// # Errors
-    /// As [`Devices::capture`].
     pub fn expose(&mut self) -> Result<Exposed, RigError> {
         // No panel with marks is in view.
         let marks = self.marks.take();
@@ -379,9 +367,6 @@ impl Devices {
     }
 
     /// Closes and opens the camera again.
-    ///
-    /// # Errors
-    /// [`RigError::Gone`] while it is away.
     pub fn reopen(&mut self) -> Result<(), RigError> {
         self.last_sequence = None;
         self.camera.reopen()

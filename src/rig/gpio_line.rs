@@ -5,17 +5,7 @@ use std::path::{Path, PathBuf};
 use embedded_hal::digital::{ErrorKind, ErrorType, OutputPin};
 
 use super::RigError;
-
-/// Name of a line, and its level for "on".
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct LineName {
-    /// Label of the chip, in brackets in `gpiodetect`, such as `pinctrl-rp1`.
-    pub chip: String,
-    /// Name of the line in `gpioinfo`, such as `GPIO17`.
-    pub line: String,
-    /// Whether low means "on".
-    pub active_low: bool,
-}
+use crate::config::{GpioLine, Level};
 
 /// A line by its chip's node and its number.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -37,7 +27,7 @@ pub(super) fn refused(device: &'static str, found: String, allowed: Vec<String>)
 /// # Errors
 /// [`RigError::Refused`] with the existing labels or names; [`RigError::Held`] with the name of the
 /// program that uses the line.
-pub(super) fn find(device: &'static str, name: &LineName) -> Result<LinePlace, RigError> {
+pub(super) fn find(device: &'static str, name: &GpioLine) -> Result<LinePlace, RigError> {
     let mut labels = Vec::new();
     for node in gpiocdev::chip::chips().unwrap_or_default() {
         let Ok(chip) = gpiocdev::chip::Chip::from_path(&node) else { continue };
@@ -81,9 +71,9 @@ impl OutputLine {
     ///
     /// # Errors
     /// As [`find`]; [`RigError::Failed`] when the kernel refuses the line.
-    pub fn open(device: &'static str, name: &LineName) -> Result<Self, RigError> {
+    pub fn open(device: &'static str, name: &GpioLine) -> Result<Self, RigError> {
         let place = find(device, name)?;
-        let lines = request(&place.node, place.offset, name.active_low).map_err(|source| {
+        let lines = request(&place.node, place.offset, name.active).map_err(|source| {
             match rustix::io::Errno::from_io_error(&source) {
                 Some(rustix::io::Errno::BUSY) => {
                     let what =
@@ -104,9 +94,9 @@ impl OutputLine {
 fn request(
     node: &Path,
     offset: u32,
-    active_low: bool,
+    active: Level,
 ) -> std::io::Result<gpiod::Lines<gpiod::Output>> {
-    let active = if active_low { gpiod::Active::Low } else { gpiod::Active::High };
+    let active = if active == Level::Low { gpiod::Active::Low } else { gpiod::Active::High };
     let options =
         gpiod::Options::output([offset]).active(active).values([false]).consumer(CONSUMER);
     gpiod::Chip::new(node)?.request_lines(options)

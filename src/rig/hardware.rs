@@ -5,19 +5,14 @@ use std::path::Path;
 use linux_embedded_hal::Delay;
 
 use super::binned::binned;
-use super::button::Button;
 use super::exposure::{Devices, Timing};
-use super::gpio_line::{LineName, OutputLine};
+use super::gpio_line::OutputLine;
 use super::kms_panel::{KmsPanel, KmsSettings};
-use super::lamps::Lamps;
 use super::monotonic::Monotonic;
 use super::pulse_trigger::{FreeRunning, PulseTrigger};
 use super::pwm_trigger::{self, PwmTrigger};
-use super::{Lamp, Panel, RigError, Trigger, camera, kms_card};
-use crate::config::{
-    self, ExposureBy, GpioLine, Hardware, LampDevices, Level, PanelDevice, PanelTable,
-    TriggerDevice,
-};
+use super::{Panel, RigError, Trigger, camera, kms_card};
+use crate::config::{self, ExposureBy, Hardware, PanelDevice, PanelTable, TriggerDevice};
 
 /// Opens panel, trigger and camera.
 ///
@@ -56,10 +51,6 @@ pub fn open_panel(
     })?))
 }
 
-fn line(GpioLine { chip, line, active }: &GpioLine) -> LineName {
-    LineName { chip: chip.clone(), line: line.clone(), active_low: *active == Level::Low }
-}
-
 fn open_trigger(
     device: &TriggerDevice,
     pulse_us: u32,
@@ -68,7 +59,7 @@ fn open_trigger(
     match device {
         TriggerDevice::FreeRunning(_) => Ok(Box::new(FreeRunning(Monotonic))),
         TriggerDevice::Line(name) => {
-            let pin = OutputLine::open("trigger", &line(name))?;
+            let pin = OutputLine::open("trigger", name)?;
             let trigger = PulseTrigger::new(pin, Delay, Monotonic, pulse_us)?;
             Ok(Box::new(if pulsed { trigger.exposing() } else { trigger }))
         }
@@ -92,26 +83,4 @@ pub fn describe() -> String {
     #[cfg(feature = "genicam")]
     let _ = camera::genicam::describe(&mut text);
     text
-}
-
-/// Opens the start button.
-///
-/// # Errors
-/// When its line cannot be requested.
-pub fn open_button(button: &GpioLine) -> Result<Button, RigError> {
-    Button::open(&line(button))
-}
-
-/// Opens the lamps, all dark.
-///
-/// # Errors
-/// When a line cannot be requested.
-pub fn open_lamps(lamps: &LampDevices) -> Result<Lamps, RigError> {
-    let each =
-        [(Lamp::Ready, &lamps.ready), (Lamp::Busy, &lamps.busy), (Lamp::Trouble, &lamps.trouble)];
-    let names: Vec<_> = each
-        .into_iter()
-        .filter_map(|(lamp, device)| Some((lamp, line(device.as_ref()?))))
-        .collect();
-    Lamps::open(&names)
 }

@@ -112,9 +112,6 @@ impl Card {
     }
 
     /// Properties of `object` with their values.
-    ///
-    /// # Errors
-    /// When the kernel refuses.
     pub(super) fn properties<T: ResourceHandle>(&self, object: T) -> Result<Properties, RigError> {
         let ask = failed("read properties");
         let values = self.get_properties(object).map_err(&ask)?;
@@ -197,9 +194,6 @@ fn chosen(cards: &[CardSockets], name: &str) -> Result<usize, RigError> {
 
 /// Writes connectors of all cards with their modes and properties to `text`; of a blob, such as the
 /// monitor's description with its serial number, only that there is one.
-///
-/// # Errors
-/// When `text` takes no more.
 pub(super) fn describe(text: &mut impl Write) -> std::fmt::Result {
     for path in (0..16).map(|n| PathBuf::from(format!("/dev/dri/card{n}"))) {
         let fd = rustix::fs::open(&path, OFlags::RDWR | OFlags::CLOEXEC, Mode::empty());

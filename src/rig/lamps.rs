@@ -2,8 +2,9 @@
 
 use embedded_hal::digital::OutputPin;
 
-use super::gpio_line::{LineName, OutputLine};
+use super::gpio_line::OutputLine;
 use super::{Lamp, LampRow, RigError};
+use crate::config::LampDevices;
 
 /// The lamps that the box has.
 #[derive(Default)]
@@ -13,12 +14,15 @@ pub struct Lamps {
 
 impl Lamps {
     /// Requests the lines; all lamps are dark.
-    ///
-    /// # Errors
-    /// When a line cannot be requested.
-    pub fn open(names: &[(Lamp, LineName)]) -> Result<Self, RigError> {
-        let open = |(lamp, name): &(Lamp, LineName)| Ok((*lamp, OutputLine::open("lamp", name)?));
-        Ok(Lamps { lines: names.iter().map(open).collect::<Result<_, RigError>>()? })
+    pub fn open(lamps: &LampDevices) -> Result<Self, RigError> {
+        let each = [
+            (Lamp::Ready, &lamps.ready),
+            (Lamp::Busy, &lamps.busy),
+            (Lamp::Trouble, &lamps.trouble),
+        ];
+        let named = each.into_iter().filter_map(|(lamp, name)| Some((lamp, name.as_ref()?)));
+        let lines = named.map(|(lamp, name)| Ok((lamp, OutputLine::open("lamp", name)?)));
+        Ok(Lamps { lines: lines.collect::<Result<_, RigError>>()? })
     }
 }
 

@@ -112,31 +112,26 @@ fn if_any(shot: Result<Counts, RigError>) -> Result<Option<Counts>, RigError> {
 /// Finds the sensor's view with dots over the whole panel, then fits a homography to dots over the
 /// sensor, since a homography holds only near its dots.
 fn find_geometry(sensor: Size, panel: Size, shoot: &mut Shoot) -> Result<CoarseGeometry, RigError> {
-    let middle =
-        |n: usize, of: usize, length: usize| (n as f64 + 0.5) / of as f64 * length as f64 - 0.5;
-    let over_panel: Vec<Place> = (0..DOTS[0] * DOTS[1])
-        .map(|n| {
-            [middle(n % DOTS[0], DOTS[0], panel.width), middle(n / DOTS[0], DOTS[1], panel.height)]
-        })
-        .collect();
+    let over_panel: Vec<Place> = grid(DOTS, panel).collect();
     let tolerance_px = (TOLERANCE_SHARE * sensor.width as f64).max(3.0);
     // The wider tolerance covers perspective, which an affine map lacks.
     let affine = |dots: &[(Place, Place)]| CoarseGeometry::fit_affine(dots, 3.0 * tolerance_px);
     let rough = fit_dots(sensor, panel, &over_panel, shoot, &affine)?;
-    let over_sensor: Vec<Place> = (0..SENSOR_DOTS[0] * SENSOR_DOTS[1])
-        .map(|n| {
-            let (column, row) = (n % SENSOR_DOTS[0], n / SENSOR_DOTS[0]);
-            let at = [
-                middle(column, SENSOR_DOTS[0], sensor.width),
-                middle(row, SENSOR_DOTS[1], sensor.height),
-            ];
-            rough.panel_at(at)
-        })
-        .filter(|[x, y]| {
-            (0.0..panel.width as f64).contains(x) && (0.0..panel.height as f64).contains(y)
-        })
-        .collect();
+    let is_shown = |[x, y]: &Place| {
+        (0.0..panel.width as f64).contains(x) && (0.0..panel.height as f64).contains(y)
+    };
+    let on_panel = grid(SENSOR_DOTS, sensor).map(|at| rough.panel_at(at));
+    let over_sensor: Vec<Place> = on_panel.filter(is_shown).collect();
     fit_dots(sensor, panel, &over_sensor, shoot, &|dots| CoarseGeometry::fit(dots, tolerance_px))
+}
+
+/// Places in the middles of `columns` × `rows` equal parts of an area of `size`, row by row.
+fn grid([columns, rows]: [usize; 2], size: Size) -> impl Iterator<Item = Place> {
+    let middle =
+        |n: usize, of: usize, length: usize| (n as f64 + 0.5) / of as f64 * length as f64 - 0.5;
+    (0..columns * rows).map(move |n| {
+        [middle(n % columns, columns, size.width), middle(n / columns, rows, size.height)]
+    })
 }
 
 /// Fit of a geometry to dots.
@@ -163,13 +158,7 @@ fn fit_dots(
         }
         let seen = spots(sensor, &frames);
         for (at, spot) in &seen {
-            log::debug!(
-                "dot at panel {:.0}, {:.0} seen at sensor {:.1}, {:.1}",
-                at[0],
-                at[1],
-                spot[0],
-                spot[1]
-            );
+            log::debug!("dot at panel {at:.0?} seen at sensor {spot:.1?}");
         }
         dots.extend(seen);
         if let Some(geometry) = fit(&dots) {

@@ -51,9 +51,6 @@ pub use device::{
 use crate::config;
 
 /// Opens the rig of a rig file, simulated or real, and locates its frame marks.
-///
-/// # Errors
-/// When a device cannot be opened or the marks are not visible.
 pub fn open(rig: &config::RigFile) -> Result<exposure::Devices, RigError> {
     let mut devices = open_without_marks(rig)?;
     if let Some(place) = frame_mark::MarkPlace::of(rig) {
@@ -63,9 +60,6 @@ pub fn open(rig: &config::RigFile) -> Result<exposure::Devices, RigError> {
 }
 
 /// Opens a rig without frame marks, for photos with no panel in view.
-///
-/// # Errors
-/// When a device cannot be opened.
 pub fn open_without_marks(rig: &config::RigFile) -> Result<exposure::Devices, RigError> {
     match &rig.kind {
         config::Kind::Simulated(_) => Ok(simulated::open(rig)?.0),

@@ -80,9 +80,6 @@ fn ask<T: ResourceHandle>(
 }
 
 /// Checks that the properties `has` hold their values.
-///
-/// # Errors
-/// [`RigError::Refused`] for the first one that does not.
 fn confirm(has: &Properties, checks: &[(&'static str, u64)]) -> Result<(), RigError> {
     for &(name, value) in checks {
         if let Some((_, found)) = has.get(name).filter(|&(_, found)| found != value) {
@@ -97,9 +94,6 @@ fn confirm(has: &Properties, checks: &[(&'static str, u64)]) -> Result<(), RigEr
 }
 
 /// Switches the pipe off; the next mode is then set even if it is the same.
-///
-/// # Errors
-/// As of a refused commit.
 pub(super) fn darken(card: &Card, pipe: Pipe) -> Result<(), RigError> {
     let active = card.properties(pipe.crtc)?.handle("ACTIVE")?;
     let mut request = AtomicModeReq::new();

@@ -11,9 +11,6 @@ const DIFFERENCE_MIN: f64 = 0.1;
 
 /// Shows black, white and black again, and compares the captures; the second black excludes other
 /// changes of light.
-///
-/// # Errors
-/// When a capture gives no frame.
 pub fn is_panel_there(
     devices: &mut Devices,
     mosaic: Option<Mosaic>,

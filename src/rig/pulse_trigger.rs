@@ -25,9 +25,6 @@ pub struct PulseTrigger<P, D, C> {
 
 impl<P: OutputPin, D: DelayNs, C: Clock> PulseTrigger<P, D, C> {
     /// A trigger whose pulses start exposures; its line is set low.
-    ///
-    /// # Errors
-    /// When the line cannot be driven.
     pub fn new(mut pin: P, delay: D, clock: C, pulse_us: u32) -> Result<Self, RigError> {
         pin.set_low().map_err(|cause| stuck(&cause))?;
         let pulse_s = f64::from(pulse_us) * 1e-6;

@@ -124,9 +124,6 @@ impl PhotoShot {
 }
 
 /// Takes the mean of `frames` exposures (at least one).
-///
-/// # Errors
-/// When an exposure gives no frame.
 pub fn shoot(
     devices: &mut Devices,
     mosaic: Option<Mosaic>,
@@ -151,7 +148,7 @@ pub fn shoot(
     }
     let n = u32::from(frames);
     let finer = if n > 1 { range.max.leading_zeros() } else { 0 };
-    let clipped_share = share_of(&clipped, mosaic);
+    let clipped_share = mean_of(&clipped, mosaic);
     // A site saturated in one exposure is unknown.
     let mean = |c: Channel| {
         let (sum, clipped) = (&sums[c.index()], &clipped[c.index()]);
@@ -167,9 +164,6 @@ pub fn shoot(
 /// Sets the longest exposure within `allowed`, as multiples of the rig file's, that clips at most
 /// [`CLIPPED_SHARE_MAX`] of the scene. Returns it, or `None` if the camera's exposure cannot be
 /// set.
-///
-/// # Errors
-/// When an exposure gives no frame or the camera refuses a setting.
 pub fn meter(
     devices: &mut Devices,
     mosaic: Option<Mosaic>,
@@ -231,20 +225,18 @@ fn for_each_site<T: Copy + Default>(
 
 /// Mean of the measured values of `counts`.
 pub fn mean(counts: &Counts, mosaic: Option<Mosaic>) -> f64 {
-    let (mut sum, mut all) = (0u64, 0u64);
-    for_each_site(counts.planes(), mosaic, |count| (sum, all) = (sum + u64::from(count), all + 1));
-    sum as f64 / all.max(1) as f64
+    mean_of(counts.planes(), mosaic)
 }
 
-fn share_of(planes: &[Plane<bool>; 3], mosaic: Option<Mosaic>) -> f64 {
-    let (mut full, mut all) = (0u64, 0u64);
-    for_each_site(planes, mosaic, |clipped| (full, all) = (full + u64::from(clipped), all + 1));
-    full as f64 / all.max(1) as f64
+fn mean_of<T: Copy + Default + Into<u64>>(planes: &[Plane<T>; 3], mosaic: Option<Mosaic>) -> f64 {
+    let (mut sum, mut all) = (0u64, 0u64);
+    for_each_site(planes, mosaic, |value| (sum, all) = (sum + value.into(), all + 1));
+    sum as f64 / all.max(1) as f64
 }
 
 /// Share of the measured values of `counts`, 0..1, that are at least `count_max`.
 pub fn clipped_share(counts: &Counts, mosaic: Option<Mosaic>, count_max: u16) -> f64 {
-    share_of(&counts.planes().each_ref().map(|plane| plane.map(|c| c >= count_max)), mosaic)
+    mean_of(&counts.planes().each_ref().map(|plane| plane.map(|c| c >= count_max)), mosaic)
 }
 
 /// Sites of a sensor, extracted from the three interpolated planes.

@@ -43,9 +43,6 @@ pub(super) struct SiteBlocks {
 
 impl SiteBlocks {
     /// The blocks of `directory`, with a picture of `size`.
-    ///
-    /// # Errors
-    /// [`Flaw::Damaged`], [`Flaw::Truncated`] or [`Flaw::ZeroFilled`].
     pub(super) fn of(
         directory: &Directory<'_>,
         size: Size,

@@ -58,9 +58,6 @@ impl Worker {
     }
 
     /// Checks that `file`, called `name`, is complete.
-    ///
-    /// # Errors
-    /// As [`whole`](super::whole), or [`PictureError::Died`].
     pub fn whole(&self, name: &str, file: File, limits: &Limits) -> Result<(), PictureError> {
         let ask = self.ask(name, limits, Purpose::Whole);
         match read(name, &mut &self.answer(&ask, file)?[..])? {
@@ -84,9 +81,6 @@ impl Worker {
     }
 
     /// The counts in `bytes`, a camera's frame of `size` coded as JPEG.
-    ///
-    /// # Errors
-    /// As [`camera_frame`](super::camera_frame), or [`PictureError::Died`].
     pub fn frame(&self, bytes: &[u8], size: Size) -> Result<Counts, PictureError> {
         let name = "a camera's frame";
         let in_memory = || -> io::Result<File> {

@@ -9,9 +9,6 @@ use super::{Camera, RigError};
 use crate::config::{CameraDevice, CameraTable, Hardware};
 
 /// Opens the camera of a rig.
-///
-/// # Errors
-/// As the constructors of its settings, and `open`.
 pub(super) fn open(
     camera: &CameraTable,
     hardware: &Hardware,

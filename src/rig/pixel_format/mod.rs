@@ -19,16 +19,12 @@ pub use y_cb_cr::YCbCr;
 /// Layout of pixels in memory, after V4L2's four-character codes
 /// (<https://docs.kernel.org/userspace-api/media/v4l/pixfmt.html>).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[allow(missing_docs)] // Their types describe the fields.
 pub enum PixelFormat {
     /// One sample per pixel.
     Grey(Samples),
     /// One sample per pixel, behind colour filters.
-    Bayer {
-        /// Arrangement of the colours.
-        mosaic: Mosaic,
-        /// Coding of a sample.
-        samples: Samples,
-    },
+    Bayer { mosaic: Mosaic, samples: Samples },
     /// `RGB3`, three bytes per pixel: red, green, blue.
     Rgb24,
     /// `BGR3`, three bytes per pixel: blue, green, red.
@@ -42,32 +38,15 @@ pub enum PixelFormat {
 
 /// Error of a frame's bytes.
 #[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)] // The sentences describe them.
 pub enum BadFrame {
-    /// Too few bytes.
-    #[error(transparent)]
-    Short(#[from] ShortFrame),
-    /// No complete JPEG of the camera's size.
+    #[error(
+        "a {format} frame of {size} with {stride_bytes} bytes a row has {found} bytes; {wanted} \
+         are needed"
+    )]
+    Short { format: &'static str, size: Size, stride_bytes: usize, found: usize, wanted: usize },
     #[error(transparent)]
     Coded(#[from] Flaw),
-}
-
-/// A frame with too few bytes.
-#[derive(Debug, thiserror::Error, PartialEq, Eq)]
-#[error(
-    "a {format} frame of {size} with {stride_bytes} bytes a row has {found} bytes; {wanted} are \
-     needed"
-)]
-pub struct ShortFrame {
-    /// Four-character code.
-    pub format: &'static str,
-    /// Pixels.
-    pub size: Size,
-    /// Bytes from row to row.
-    pub stride_bytes: usize,
-    /// Bytes found.
-    pub found: usize,
-    /// Bytes required.
-    pub wanted: usize,
 }
 
 impl PixelFormat {
@@ -205,11 +184,8 @@ impl PixelFormat {
 
     /// Four-character code padded with blanks, for V4L2.
     pub fn fourcc(self) -> [u8; 4] {
-        let mut code = [b' '; 4];
-        for (to, from) in code.iter_mut().zip(self.code().bytes()) {
-            *to = from;
-        }
-        code
+        let mut code = self.code().bytes();
+        [0; 4].map(|_| code.next().unwrap_or(b' '))
     }
 
     /// Bits of one count.
@@ -275,13 +251,8 @@ impl PixelFormat {
         let (row_bytes, height) = self.layout(size);
         let wanted = self.frame_bytes(size, stride_bytes);
         if bytes.len() < wanted || stride_bytes < row_bytes {
-            return Err(BadFrame::Short(ShortFrame {
-                format: self.code(),
-                size,
-                stride_bytes,
-                found: bytes.len(),
-                wanted,
-            }));
+            let (format, found) = (self.code(), bytes.len());
+            return Err(BadFrame::Short { format, size, stride_bytes, found, wanted });
         }
         let rows = || bytes.chunks(stride_bytes.max(1)).take(height).map(|row| &row[..row_bytes]);
         match self {

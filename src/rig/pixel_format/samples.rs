@@ -1,36 +1,23 @@
 //! Coding of samples, one per pixel.
 
-/// Coding of a sample in memory.
+/// Coding of a sample in memory; packed ones have 10 or 12 bits.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[allow(missing_docs)] // Fields are described with their variants.
 pub enum Samples {
     /// A byte.
     Bytes,
-    /// A little-endian 16-bit word.
-    Words {
-        /// Significant bits: 10, 12 or 16.
-        bits: u8,
-        /// Unused bits below them.
-        shift: u8,
-    },
+    /// A little-endian 16-bit word of 10, 12 or 16 significant bits, above `shift` unused ones.
+    Words { bits: u8, shift: u8 },
     /// Packing of MIPI CSI-2 (V4L2's `…P` formats): bytes with the upper eight bits of four samples
     /// of 10 bits or two of 12, then a byte with their lower bits, those of the first sample
     /// lowest.
-    Packed {
-        /// 10 or 12.
-        bits: u8,
-    },
+    Packed { bits: u8 },
     /// Packing of USB3 Vision (`…p` in the Pixel Format Naming Convention 2.4): a stream of bits,
     /// the lowest of the first sample first.
-    Stream {
-        /// 10 or 12.
-        bits: u8,
-    },
+    Stream { bits: u8 },
     /// Packing of GigE Vision (`…Packed`): the upper eight bits of a sample, a byte with the lower
     /// bits of both in its halves, those of the first lowest, the upper eight bits of the other.
-    Pair {
-        /// 10 or 12.
-        bits: u8,
-    },
+    Pair { bits: u8 },
 }
 
 impl Samples {

@@ -234,5 +234,5 @@ fn a_short_frame_is_refused_with_its_lengths() {
     let error = PixelFormat::Grey(Samples::Bytes)
         .unpack(&[0; 7], 4, &mut counts, &mut Plane::zeros(Size::new(0, 0)))
         .unwrap_err();
-    assert!(matches!(error, BadFrame::Short(ShortFrame { found: 7, wanted: 8, .. })), "{error}");
+    assert!(matches!(error, BadFrame::Short { found: 7, wanted: 8, .. }), "{error}");
 }

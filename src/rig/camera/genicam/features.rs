@@ -63,9 +63,6 @@ const NEUTRAL: [(&str, f64); 5] = [
 const STEP: f64 = 0.003;
 
 /// Switches all adjustments off.
-///
-/// # Errors
-/// [`RigError::Refused`] for one that stays on.
 pub(super) fn settle(device: &Device) -> Result<(), RigError> {
     for name in OFF.into_iter().filter(|name| is_there(device, name)) {
         switch_off(device, name)?;
@@ -79,9 +76,6 @@ pub(super) fn settle(device: &Device) -> Result<(), RigError> {
 }
 
 /// Switches the triggers of all events off.
-///
-/// # Errors
-/// [`RigError::Refused`] for one that stays on.
 pub(super) fn switch_triggers_off(device: &Device) -> Result<(), RigError> {
     let selector = "TriggerSelector";
     let events = device.dup_available_enumeration_feature_values_as_strings(selector);
@@ -93,9 +87,6 @@ pub(super) fn switch_triggers_off(device: &Device) -> Result<(), RigError> {
 }
 
 /// Sets the first of `names` that the camera has. Returns whether it has one.
-///
-/// # Errors
-/// As [`hold`].
 pub(super) fn hold_any(
     device: &Device,
     names: &[&str],

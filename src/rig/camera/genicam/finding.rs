@@ -84,9 +84,6 @@ pub(super) fn choose(all: Vec<Found>, wanted: &GenicamDevice) -> Result<Found, R
 }
 
 /// Writes the cameras that answer to `text`, without serial numbers.
-///
-/// # Errors
-/// When `text` takes no more.
 pub fn describe(text: &mut impl Write) -> std::fmt::Result {
     for Found { vendor, model, protocol, .. } in list() {
         writeln!(text, "genicam: {vendor:?} {model:?} by {protocol}")?;

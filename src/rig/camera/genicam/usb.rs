@@ -10,9 +10,6 @@ use crate::rig::RigError;
 
 /// Fails if there is a USB3 Vision camera (class ef, subclass 05 of the interface; USB3 Vision 1.0)
 /// that this user may not open, under the file system `root`.
-///
-/// # Errors
-/// [`RigError::Refused`] for such a camera.
 pub(super) fn refuse_forbidden(root: &Path) -> Result<(), RigError> {
     for interface in std::fs::read_dir(root.join("sys/bus/usb/devices")).into_iter().flatten() {
         let Ok(interface) = interface else { continue };

@@ -142,9 +142,6 @@ pub(super) fn await_controls(node: &Node, wanted: &[(String, i32)]) {
 }
 
 /// Holds the [`ORIENTATION`] controls at 0, or at the values that `wanted` states.
-///
-/// # Errors
-/// As [`settle_controls`].
 pub(super) fn settle_orientation(node: &Node, wanted: &[(String, i32)]) -> Result<(), RigError> {
     let has = node.controls();
     for name in ORIENTATION {

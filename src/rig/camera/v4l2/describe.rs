@@ -11,9 +11,6 @@ use super::media;
 const NODES_MAX: usize = 64;
 
 /// Writes graphs, formats and controls of all cameras to `text`.
-///
-/// # Errors
-/// When `text` takes no more.
 pub fn describe(text: &mut impl Write) -> Result {
     media::describe(text)?;
     for number in 0..NODES_MAX {

@@ -233,11 +233,12 @@ impl Camera for V4l2Camera {
         let ring = self.ring.as_mut().ok_or_else(not_open)?;
         let exposure = &self.settings.exposure;
         // uvcvideo refuses another interval while it streams.
-        let restarts = needs_longer_interval(ring.node(), exposure, times);
+        let restarts = needs_longer_interval(&ring.node, exposure, times);
         if restarts {
-            ring.pause().map_err(|cause| gone(cause.to_string()))?;
+            // Takes all buffers back; frames in them are lost.
+            ring.node.stream(false).map_err(|cause| gone(cause.to_string()))?;
         }
-        let node = self.opened.sensor.as_ref().unwrap_or(ring.node());
+        let node = self.opened.sensor.as_ref().unwrap_or(&ring.node);
         let is_set = expose(node, &node.controls(), exposure, times)?;
         if restarts {
             ring.resume().map_err(|cause| gone(cause.to_string()))?;
@@ -245,7 +246,7 @@ impl Camera for V4l2Camera {
         }
         if is_set {
             self.exposure_times = times;
-            self.opened.interval_s = interval(ring.node(), &self.settings, times);
+            self.opened.interval_s = interval(&ring.node, &self.settings, times);
         }
         Ok(is_set)
     }
@@ -253,7 +254,7 @@ impl Camera for V4l2Camera {
     fn amplify_times(&mut self, times: f64) -> Result<Option<f64>, RigError> {
         let ring = self.ring.as_ref().ok_or_else(not_open)?;
         let Some(gain) = &self.settings.gain else { return Ok(None) };
-        let node = self.opened.sensor.as_ref().unwrap_or(ring.node());
+        let node = self.opened.sensor.as_ref().unwrap_or(&ring.node);
         amplify(node, &node.controls(), gain, times)?;
         Ok(Some(gain.nearest(times)))
     }

@@ -17,7 +17,7 @@ pub(super) const BUFFERS_MAX: usize = 8;
 /// Buffers of a streaming camera. Dropping the ring stops the stream and releases them.
 pub(super) struct Ring {
     buffers: heapless::Vec<Buffer, BUFFERS_MAX>,
-    node: Node,
+    pub(super) node: Node,
     /// Bytes of a whole frame; 0 where frames differ in length.
     frame_bytes: usize,
 }
@@ -43,16 +43,6 @@ impl Ring {
             self.node.queue(buffer, self.frame_bytes)?;
         }
         self.node.stream(true)
-    }
-
-    /// Stops the stream and takes all buffers back; frames in them are lost.
-    pub(super) fn pause(&self) -> io::Result<()> {
-        self.node.stream(false)
-    }
-
-    /// Node of the stream.
-    pub(super) fn node(&self) -> &Node {
-        &self.node
     }
 
     /// Waits for the next filled buffer; `None` at the deadline.

@@ -110,9 +110,6 @@ impl Graph {
     }
 
     /// Parses a pad of a rig file.
-    ///
-    /// # Errors
-    /// When there is no such entity.
     pub(super) fn pad(&self, text: &str) -> Result<(&Entity, u32), RigError> {
         let (name, pad) = entity_and_pad(text)
             .ok_or_else(|| refused(format!("pad {text:?}"), "an entity, : and a number".into()))?;

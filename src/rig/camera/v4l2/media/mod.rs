@@ -103,9 +103,6 @@ fn set_links(device: &MediaDevice, graph: &Graph, wanted: &[MediaLink]) -> Resul
 }
 
 /// Writes the graphs of all media devices: links, formats of pads, and controls of subdevices.
-///
-/// # Errors
-/// When `text` takes no more.
 pub(super) fn describe(text: &mut impl Write) -> std::fmt::Result {
     for number in 0..MEDIA_MAX {
         let Ok(device) = MediaDevice::open(&root().join(format!("dev/media{number}"))) else {
