@@ -142,7 +142,6 @@ pub fn save_to(
     disk.sync_folder(folder).map_err(failed(folder))
 }
 
-/// Encodes a slot.
 fn encode(calibration: &Calibration) -> Result<Vec<u8>, StoreError> {
     let payload =
         postcard::to_allocvec(calibration).map_err(|e| StoreError::Encode(e.to_string()))?;
@@ -173,7 +172,6 @@ fn read_slot(disk: &dyn Disk, path: &Path) -> Result<Calibration, SlotFault> {
     decode(&bytes)
 }
 
-/// Decodes a slot.
 fn decode(bytes: &[u8]) -> Result<Calibration, SlotFault> {
     let bad = |how: &str| SlotFault::Bad(how.to_owned());
     let damaged = || bad("damaged");

@@ -30,7 +30,6 @@ pub(super) struct AlignOptions {
     looks: Option<u64>,
 }
 
-/// Runs `relens align`.
 pub(super) fn run(options: &AlignOptions) -> Result<(), CliError> {
     let rig = config::load(&options.rig.rig)?;
     let mut devices = relens::rig::open_without_marks(&rig).map_err(CliError::of)?;

@@ -37,7 +37,6 @@ pub(super) struct ChartOptions {
     quick: bool,
 }
 
-/// Runs `relens chart`.
 pub(super) fn run(options: &ChartOptions) -> Result<(), CliError> {
     let ChartOptions { out, quick, .. } = options;
     let rig = config::load(&options.rig.rig)?;

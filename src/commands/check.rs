@@ -36,7 +36,6 @@ pub(super) struct CheckOptions {
     report: Option<PathBuf>,
 }
 
-/// Runs `relens check`.
 pub(super) fn run(options: &CheckOptions) -> Result<(), CliError> {
     let rig = &config::load(&options.rig.rig)?;
     let Some(out) = &options.report else {

@@ -44,7 +44,6 @@ pub(super) struct DemoOptions {
     out: PathBuf,
 }
 
-/// Runs `relens demo`.
 pub(super) fn run(options: &DemoOptions) -> Result<(), CliError> {
     let rig = config::load(Path::new(RIG))?;
     let folders = Folders::open(&free(&options.out))?;

@@ -113,7 +113,6 @@ impl CliError {
         }
     }
 
-    /// The error of writing `path`.
     pub(super) fn writing(path: &Path, source: io::Error) -> CliError {
         let path = path.to_owned();
         match source.kind() {

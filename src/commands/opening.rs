@@ -47,7 +47,6 @@ pub(super) fn restorer(
     }))
 }
 
-/// The devices of `rig`.
 pub(super) fn devices(rig: &RigFile) -> Result<Devices, CliError> {
     relens::rig::open(rig).map_err(CliError::of)
 }

@@ -20,7 +20,6 @@ pub(super) fn note(lines: &str) {
     }
 }
 
-/// Writes a line of the log.
 pub(super) fn log(line: &str) {
     above(|| {
         // A closed standard error is ignored.

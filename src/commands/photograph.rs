@@ -33,7 +33,6 @@ pub(super) struct PhotographOptions {
     out: PathBuf,
 }
 
-/// Runs `relens photograph`.
 pub(super) fn run(options: &PhotographOptions) -> Result<(), CliError> {
     let rig = config::load(&options.rig.rig)?.unbinned();
     let format = format_of(&options.out)?;

@@ -28,7 +28,6 @@ pub(super) struct SimulatedButton {
 }
 
 impl SimulatedButton {
-    /// The button of the daemon on `folder`.
     pub(super) fn new(folder: &Path) -> SimulatedButton {
         SimulatedButton { path: folder.join(NAME), level: false }
     }
@@ -62,7 +61,6 @@ pub(super) struct PressOptions {
     long: bool,
 }
 
-/// Runs `relens press`.
 pub(super) fn run(options: &PressOptions) -> Result<(), CliError> {
     let folder = &options.folder.folder;
     if !Folders::in_use(folder) {

@@ -135,7 +135,6 @@ pub(super) fn calibrating(progress: CalibrationProgress) {
     show(captures.into(), total.into(), &format!("calibrating: {step}, {captures} of {total}"));
 }
 
-/// The progress of photos.
 #[derive(Debug, Default)]
 pub(super) struct PhotoProgress {
     label: String,

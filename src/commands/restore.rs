@@ -17,7 +17,6 @@ use super::options::{FolderOption, RigOption};
 use super::output::{note, say};
 use super::progress::PhotoProgress;
 
-/// The values of `--method`.
 fn methods() -> impl TypedValueParser<Value = MethodName> {
     PossibleValuesParser::new(MethodName::ALL.map(MethodName::name)).try_map(|name| {
         MethodName::ALL
@@ -66,7 +65,6 @@ enum ResultPlace {
     Folder(PathBuf),
 }
 
-/// The destination of one result.
 struct Destination {
     /// The new file; standard output without one.
     file: Option<PathBuf>,
@@ -94,7 +92,6 @@ impl ResultPlace {
         Ok(ResultPlace::File(out.clone()))
     }
 
-    /// The destination of the result of `photo`.
     fn destination(&self, photo: &Photo) -> Result<Destination, CliError> {
         let usual = photo.manner.format;
         let file = match self {
@@ -143,7 +140,6 @@ struct ReadPhoto {
     bytes: Vec<u8>,
 }
 
-/// Runs `relens restore`.
 pub(super) fn run(options: &RestoreOptions) -> Result<(), CliError> {
     let photos = &options.photos;
     let rig = config::load(&options.rig.rig)?;

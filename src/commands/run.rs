@@ -72,7 +72,6 @@ pub(super) struct RunOptions {
     scene: Option<PathBuf>,
 }
 
-/// Runs `relens run`.
 pub(super) fn run(options: &RunOptions) -> Result<(), CliError> {
     let mut rig = config::load(&options.rig.rig)?;
     let scene = scene_of(&mut rig, options)?;
@@ -250,7 +249,6 @@ fn setting(rig: &RigFile) -> DaemonSetting {
     }
 }
 
-/// Prints the counts of `summary`.
 fn print_summary(summary: &Summary, gallery: &Path) -> Result<(), CliError> {
     let counts = summary.counts();
     if counts.all() == 0 {

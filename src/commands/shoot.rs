@@ -61,7 +61,6 @@ fn frames() -> impl TypedValueParser<Value = u8> {
     value_parser!(u8).range(1..=64)
 }
 
-/// The exposure of a photo.
 #[derive(Debug, Clone, Copy)]
 enum PhotoExposure {
     Auto,
@@ -83,7 +82,6 @@ fn gain(word: &str) -> Result<f64, String> {
     }
 }
 
-/// Runs `relens shoot`.
 pub(super) fn run(options: &ShootOptions) -> Result<(), CliError> {
     let file = config::load(&options.rig.rig)?;
     let rig = file.unbinned();

@@ -26,7 +26,6 @@ pub(super) struct StatusOptions {
     json: bool,
 }
 
-/// Runs `relens status`.
 pub(super) fn run(options: &StatusOptions) -> Result<(), CliError> {
     let folder = &options.folder.folder;
     if !options.json {
@@ -65,12 +64,10 @@ pub(super) fn of(folder: &Path) -> Result<String, CliError> {
     Ok(words(&state, running, inbox_is_there(folder), now))
 }
 
-/// Whether `folder` has an inbox.
 fn inbox_is_there(folder: &Path) -> bool {
     folder.join("inbox").is_dir()
 }
 
-/// The message on a missing inbox.
 const GONE: &str = "its inbox is missing: make the folder again, or mount its disk";
 
 fn words(state: &State, running: bool, is_there: bool, now_unix_s: u64) -> String {

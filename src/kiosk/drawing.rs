@@ -7,14 +7,12 @@ use crate::frame::{Channel, Codes, FULL_SCALE, Frame, Size, Work};
 /// A colour in panel codes: red, green, blue.
 pub(super) type PanelColour = [u8; 3];
 
-/// A sheet.
 pub(super) struct Sheet {
     /// The codes for the panel.
     pub(super) codes: Codes,
 }
 
 impl Sheet {
-    /// A sheet of one colour.
     pub(super) fn new(size: Size, ground: PanelColour) -> Sheet {
         Sheet { codes: Frame::from_fn(|c| crate::frame::Plane::filled(size, ground[c.index()])) }
     }
@@ -55,7 +53,6 @@ impl Sheet {
         }
     }
 
-    /// Fills a rectangle.
     pub(super) fn rectangle(&mut self, at: (i32, i32), size: (i32, i32), colour: PanelColour) {
         self.shape(at, size, colour, |_, _| true);
     }

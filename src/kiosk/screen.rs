@@ -80,7 +80,6 @@ enum Symbol {
     Moon,
 }
 
-/// Contents of a screen.
 struct ScreenContent {
     ground: PanelColour,
     symbol: Symbol,
@@ -118,7 +117,6 @@ const GREEN: PanelColour = [96, 214, 140];
 const AMBER: PanelColour = [255, 194, 74];
 const SKY: PanelColour = [110, 190, 255];
 
-/// A number of photos.
 pub(crate) fn photos(count: usize) -> String {
     if count == 1 { "1 photo".to_owned() } else { format!("{count} photos") }
 }

@@ -102,7 +102,6 @@ pub(super) struct Raster {
     pub(super) exif: Option<Vec<u8>>,
     /// What its result lacks.
     pub(super) lost: BTreeSet<Lost>,
-    /// The camera of a raw photo.
     pub(super) camera: Option<super::PhotoCamera>,
     /// The scale and pattern of a sensor's counts.
     pub(super) sites: Option<Sites>,
@@ -247,7 +246,6 @@ impl Raster {
         self.icc = colours.profile(self.layout.is_grey());
     }
 
-    /// Divides the colours by alpha.
     fn divide_by_alpha(&mut self) {
         let top = if self.bits == 8 { 255 } else { 65535 };
         for pixel in self.samples.chunks_exact_mut(self.layout.samples()) {

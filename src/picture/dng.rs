@@ -98,7 +98,6 @@ pub(super) struct RawFile {
     /// The stated noise of each channel: variance without light, and variance per grey level,
     /// squared grey levels.
     pub(super) noise: Option<[[f32; 2]; 3]>,
-    /// The counts of all sites.
     blocks: SiteBlocks,
     /// The part of them that sees light.
     active: Rect,
@@ -188,7 +187,6 @@ impl RawFile {
 }
 
 impl Sites {
-    /// Counts a grey level.
     pub(super) fn counts_per_level(&self) -> f32 {
         let black = self.black.as_flattened().iter().sum::<f32>() / 4.0;
         (self.white - black) / FULL_SCALE

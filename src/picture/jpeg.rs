@@ -119,7 +119,6 @@ fn behind_the_picture(rest: &[u8]) -> Option<Lost> {
     }
 }
 
-/// A marker with its segment.
 struct Segment<'a> {
     marker: u8,
     body: &'a [u8],

@@ -73,7 +73,6 @@ impl Content {
         }
     }
 
-    /// The format of a result.
     pub(super) const fn written(self) -> Format {
         match self {
             Content::Written(format) => format,
@@ -211,7 +210,6 @@ pub fn is_companion(name: &OsStr, usual: bool, head: impl FnOnce() -> Option<Vec
     }
 }
 
-/// Whether `bytes` have `magic` at `from`.
 fn begins(bytes: &[u8], from: usize, magic: &[u8]) -> bool {
     bytes.get(from..).is_some_and(|bytes| bytes.starts_with(magic))
 }

@@ -198,7 +198,6 @@ impl Photo {
         }
     }
 
-    /// The developed photo of `raster`.
     fn of_samples(name: &str, mut raster: Raster, curve: Curve, file: FileFacts) -> Photo {
         let mut notes = Vec::new();
         let tone = raster.tone(curve, &mut notes);
@@ -362,7 +361,6 @@ impl Raster {
         self.samples.iter().skip(at).step_by(self.layout.samples()).copied()
     }
 
-    /// The linear light of `channel`.
     fn light(&self, tone: &Tone, channel: usize) -> Plane {
         let at = if self.layout.is_grey() { 0 } else { channel };
         let light = self.samples_at(at).map(|code| tone.light(channel, code)).collect();

@@ -121,7 +121,6 @@ pub fn bytes_of(path: &Path, limits: &Limits) -> Result<Vec<u8>, PictureError> {
     read_bytes(open(path, &name)?, &name, limits)
 }
 
-/// Opens a plain file.
 pub(super) fn open(path: &Path, name: &str) -> Result<File, PictureError> {
     // A pipe would block the open, and a link may lead anywhere.
     let flags = OFlags::RDONLY | OFlags::NOFOLLOW | OFlags::NONBLOCK | OFlags::CLOEXEC;

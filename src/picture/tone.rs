@@ -188,7 +188,6 @@ impl Tone {
         light.map(|v| f32::from(self.code(channel.index(), v)) * scale)
     }
 
-    /// The codes of a plane of linear light.
     pub(super) fn codes(&self, channel: usize, light: &Plane) -> Vec<u16> {
         let finite = |v: f32| if v.is_finite() { v } else { 0.0 };
         light.data().iter().map(|&v| self.code(channel, finite(v))).collect()

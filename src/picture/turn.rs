@@ -29,7 +29,6 @@ pub(super) fn swaps(orientation: Orientation) -> bool {
     matches!(orientation, Rotate90 | Rotate270 | Rotate90FlipH | Rotate270FlipH)
 }
 
-/// The plane turned upright.
 pub(super) fn turn<T: Copy + Default>(plane: &Plane<T>, orientation: Orientation) -> Plane<T> {
     let (w, h) = (plane.width(), plane.height());
     let (right, bottom) = (w.wrapping_sub(1), h.wrapping_sub(1));

@@ -28,7 +28,6 @@ pub(super) fn failed(doing: &'static str) -> impl Fn(std::io::Error) -> RigError
     move |source| RigError::Failed { device: "panel", doing, source }
 }
 
-/// Error of a refused commit.
 pub(super) fn commit_failed(cause: std::io::Error) -> RigError {
     match Errno::from_io_error(&cause) {
         // EACCES: this program is not DRM master (any more).

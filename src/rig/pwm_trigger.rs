@@ -164,7 +164,6 @@ impl Drop for PwmTrigger {
     }
 }
 
-/// Writes `text` to the attribute `file` of the kernel.
 pub(super) fn write_attribute(file: &Path, text: &str) -> io::Result<()> {
     fs::OpenOptions::new().write(true).open(file)?.write_all(text.as_bytes())
 }
@@ -186,7 +185,6 @@ fn read(file: &Path) -> Result<String, RigError> {
     Ok(text.trim().to_owned())
 }
 
-/// Error of writing `text` to `file`.
 fn failed(file: &Path, text: &str, cause: &io::Error) -> RigError {
     let device = "trigger";
     let found = format!("{text} for {} ({cause})", file.display());

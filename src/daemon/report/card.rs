@@ -151,7 +151,6 @@ fn outlines(report: &Report) -> String {
     report.left_as_they_were.iter().map(outline).collect()
 }
 
-/// The outcome in a sentence.
 fn describe_outcome(report: &Report) -> String {
     let means = match (report.outcome, report.stage, &report.certificate) {
         (ResultKind::Untouched, ..) => {
@@ -196,7 +195,6 @@ fn describe_confirmation(report: &Report) -> Option<(&'static str, String)> {
     Some((class, format!("{words}{}.", certificate.proviso())))
 }
 
-/// The details.
 fn details(photo: &GalleryPhoto<'_>, up: &str) -> String {
     let report = photo.report;
     let size = match report.outcome {

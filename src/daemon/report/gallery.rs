@@ -29,7 +29,6 @@ const NOTE_BYTES_MAX: u64 = 1 << 20;
 /// Folder in the root that may hold the true scenes, under the names of their photos.
 pub const SCENES: &str = "scenes";
 
-/// Contents of the gallery.
 #[derive(Debug, Default)]
 pub(crate) struct Gallery {
     reports: Vec<Report>,
@@ -89,7 +88,6 @@ impl Gallery {
         self.reports.push(report);
     }
 
-    /// Removes the result called `result`.
     pub(crate) fn remove(&mut self, result: &str) {
         self.reports.retain(|report| report.result != result);
     }

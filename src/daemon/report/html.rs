@@ -40,7 +40,6 @@ pub(super) fn moment(unix_s: u64) -> String {
     }
 }
 
-/// A duration.
 pub(super) fn span(seconds: f64) -> String {
     match seconds {
         s if s < 9.95 => format!("{s:.1} s"),

@@ -133,7 +133,6 @@ impl Reporter {
         }
     }
 
-    /// Writes the gallery.
     pub(super) fn write_gallery(
         &mut self,
         folders: &Folders,

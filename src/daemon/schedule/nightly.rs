@@ -63,7 +63,6 @@ impl Times<'_> {
     }
 }
 
-/// The current night.
 struct Night {
     /// End by the monotonic clock.
     ends: Option<Moment>,

@@ -44,7 +44,6 @@ const CALIBRATIONS_MAX: u32 = 2;
 /// Attempts at a photo when the camera fails. Guess.
 const TRIES_MAX: u32 = 3;
 
-/// Stage of the process.
 #[derive(Debug, PartialEq)]
 enum Stage {
     /// Waiting photos are postponed.
@@ -58,7 +57,6 @@ enum Stage {
     There,
 }
 
-/// The countdown to a photo.
 struct Countdown {
     shutter: Moment,
     /// Seconds shown on the panel.
@@ -274,7 +272,6 @@ impl<'a> Shooting<'a> {
         false
     }
 
-    /// Postpones the waiting photos.
     fn postpone(&mut self, waiting: usize) {
         (self.stage, self.postponed_photos) = (Stage::Aim, waiting);
     }
@@ -283,7 +280,6 @@ impl<'a> Shooting<'a> {
         self.stage = Stage::Ask { since: now, search_at: now, words: words.to_owned() };
     }
 
-    /// Takes a photo.
     fn take(&mut self, rig: &mut dyn Restorer) -> Result<(), DaemonError> {
         let failed = |failure: AnyFailure| DaemonError::NotTaken { failure };
         let mut tries = 1;

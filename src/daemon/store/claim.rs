@@ -32,7 +32,6 @@ pub enum JobStep {
     Closed,
 }
 
-/// Outcome of a claim.
 pub(crate) enum Claim {
     /// The photo's path in `working`.
     Path(PathBuf),
@@ -74,7 +73,6 @@ impl Claimed {
         Ok(Claimed { path, name, metadata, ledger, delivered: false })
     }
 
-    /// The name as text.
     pub(crate) fn display_name(&self) -> String {
         self.name.to_string_lossy().into_owned()
     }

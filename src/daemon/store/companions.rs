@@ -57,7 +57,6 @@ pub(super) fn is_companion_at(files: &Files, path: &Path, kind: FileKind) -> boo
     is_companion(name, usual, || files.read(path, HEAD_BYTES).ok().flatten())
 }
 
-/// Whether the name `lower` has one of `endings`.
 fn has_ending(lower: &str, endings: &str) -> bool {
     let ending = lower.rsplit('.').next().filter(|ending| ending.len() < lower.len());
     ending.is_some_and(|ending| endings.split(' ').any(|known| known == ending))

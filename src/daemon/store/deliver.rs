@@ -38,7 +38,6 @@ pub(crate) struct Encoded {
 }
 
 impl Encoded {
-    /// Encodes `photo` and its `outcome`.
     pub(crate) fn of(photo: &Photo, outcome: &Outcome) -> Result<Encoded, PictureError> {
         let grey = photo.channels == Channels::Green;
         let jpeg = |picture, px| preview(&photo.name, picture, &photo.manner, grey, px);
@@ -62,13 +61,11 @@ impl Encoded {
     }
 }
 
-/// A photo to be delivered.
 pub(crate) struct Delivery<'a> {
     pub(crate) folders: &'a Folders,
     pub(crate) photo: &'a Photo,
     pub(crate) outcome: &'a Outcome,
     pub(crate) encoded: &'a Encoded,
-    /// Name of the rig.
     pub(crate) rig: &'a str,
     pub(crate) finished_unix_s: u64,
 }

@@ -59,7 +59,6 @@ impl Folders {
         [inbox, working, outbox, done, failed, previews]
     }
 
-    /// Withdrawn results.
     pub(super) fn withdrawn(&self) -> PathBuf {
         self.outbox.join("withdrawn")
     }

@@ -24,7 +24,6 @@ pub(crate) struct Hints {
 }
 
 impl Hints {
-    /// No events.
     pub(crate) fn none() -> Hints {
         Hints { inotify: None, watched: RefCell::default(), moved: RefCell::default() }
     }

@@ -88,7 +88,6 @@ impl Ledger {
         self.entry.attempts
     }
 
-    /// The recorded name of the result.
     pub(super) fn result(&self) -> Option<OsString> {
         self.entry.result.clone().map(OsString::from_vec)
     }
@@ -100,7 +99,6 @@ impl Ledger {
         self.write(folders)
     }
 
-    /// Records the name of the result.
     pub(super) fn name_result(
         &mut self,
         folders: &Folders,
@@ -117,7 +115,6 @@ impl Ledger {
         folders.files.replace_for_now(&self.folder, &self.file, &self.bytes()?)
     }
 
-    /// Removes the record.
     pub(super) fn close(&self, folders: &Folders) -> Result<(), FileError> {
         folders.files.remove(&self.folder.join(&self.file))
     }

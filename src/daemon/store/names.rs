@@ -11,7 +11,6 @@ use crate::disk::{FileError, Files};
 /// Prefix of the names of records in `working`.
 pub(super) const RECORD_PREFIX: &str = ".ledger-";
 
-/// Name of the report beside `result`.
 pub(crate) fn report_name(result: &OsStr) -> OsString {
     with_suffix(result, ".json")
 }

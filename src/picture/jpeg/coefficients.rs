@@ -42,7 +42,6 @@ struct ComponentHeader {
     identifier: u8,
     /// Samples of a unit across and down.
     sampling: (u8, u8),
-    /// Place of its steps.
     steps: usize,
 }
 
@@ -166,7 +165,6 @@ impl CodedFrame {
     }
 }
 
-/// A component in a scan.
 struct ScanPart {
     /// Its place in the frame.
     component: usize,

@@ -9,7 +9,6 @@ pub(super) struct Bits<'a> {
 }
 
 impl<'a> Bits<'a> {
-    /// The bits from `at` in `bytes`.
     pub(super) fn new(bytes: &'a [u8], at: usize) -> Self {
         Bits { bytes, at, held: 0, count: 0 }
     }

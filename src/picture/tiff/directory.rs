@@ -15,7 +15,6 @@ pub(in crate::picture) struct Directory<'a> {
 }
 
 impl<'a> Directory<'a> {
-    /// The directory at `at`.
     pub(in crate::picture) fn read(file: &'a File<'a>, at: usize) -> Result<Directory<'a>, Flaw> {
         let count = usize::from(file.u16(at)?);
         if count == 0 {

@@ -78,7 +78,6 @@ pub(super) fn bytes_max(ask: &Ask) -> u64 {
     4 + u64::from(HEADER_BYTES_MAX) + planes as u64
 }
 
-/// Writes a camera's frame.
 pub(super) fn write_frame(out: &mut dyn Write, counts: &Counts) -> io::Result<()> {
     write(out, &Answer::<()>::Frame)?;
     for plane in counts.planes() {
@@ -111,7 +110,6 @@ pub(super) fn write(out: &mut dyn Write, answer: &Answer<impl Serialize>) -> io:
     out.write_all(&bytes)
 }
 
-/// Writes a photo.
 pub(super) fn write_photo(out: &mut dyn Write, photo: &Photo) -> io::Result<()> {
     let Photo { light, channels, coding, manner, .. } = photo;
     let alpha = manner.alpha.as_ref();

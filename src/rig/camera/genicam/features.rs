@@ -167,7 +167,6 @@ pub(super) fn hold(device: &Device, name: &str, value: &FeatureValue) -> Result<
     }
 }
 
-/// Reads the feature `name`.
 pub(super) fn read(device: &Device, name: &str) -> Result<FeatureValue, aravis::glib::Error> {
     let node = device.feature(name);
     let is = |kind| node.as_ref().is_some_and(|node| node.type_().is_a(kind));

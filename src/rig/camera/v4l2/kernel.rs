@@ -37,7 +37,6 @@ const STANDARD_CONTROLS: [Range<u32>; 2] = [
     sys::V4L2_CID_CAMERA_CLASS_BASE..sys::V4L2_CID_CAMERA_CLASS_BASE + 64,
 ];
 
-/// Identity of a node.
 #[derive(Debug, Clone)]
 pub(super) struct NodeIdentity {
     pub(super) card: String,
@@ -316,7 +315,6 @@ impl Drop for Buffer {
 }
 
 impl Filled {
-    /// Index of the buffer.
     pub(super) fn index(&self) -> usize {
         self.index as usize
     }

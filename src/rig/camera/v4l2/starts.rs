@@ -39,7 +39,6 @@ pub(super) fn check(graph: &MediaGraph) -> Result<(), RigError> {
     })
 }
 
-/// Records the outcome of a start.
 pub(super) fn record(graph: &MediaGraph, has_started: bool) {
     let mut failed = failed();
     match has_started {

@@ -98,7 +98,6 @@ requests! {
     SetPad = b'V', 5, PadSetting;
 }
 
-/// A media device.
 pub(super) struct MediaDevice(OwnedFd);
 
 impl AsFd for MediaDevice {
@@ -117,12 +116,10 @@ pub(super) struct Objects {
 }
 
 impl GraphLink {
-    /// Whether it connects an interface with an entity.
     pub(super) fn is_of_an_interface(&self) -> bool {
         self.flags & LINK_KIND == INTERFACE_LINK
     }
 
-    /// Whether it connects pads.
     pub(super) fn is_of_pads(&self) -> bool {
         self.flags & LINK_KIND == 0
     }
@@ -134,7 +131,6 @@ impl MediaDevice {
         Ok(MediaDevice(rustix::fs::open(path, flags, Mode::empty())?))
     }
 
-    /// Name of the driver.
     pub(super) fn driver(&self) -> io::Result<String> {
         let mut info = zeroed::<DeviceInfo>();
         call::<ReadInfo>(self, &mut info)?;
@@ -193,12 +189,10 @@ fn room<T: Zeroable + Copy>(list: &mut ObjectList) -> io::Result<Vec<T>> {
     Ok(objects)
 }
 
-/// One end of a link.
 pub(super) fn link_end(entity: u32, pad: u32) -> LinkEnd {
     LinkEnd { entity, pad: pad as u16, ..zeroed() }
 }
 
-/// Format of a pad of the subdevice `node`.
 pub(super) fn pad_format(node: &impl AsFd, pad: u32) -> io::Result<PadSetting> {
     let mut setting = PadSetting { which: ACTIVE, pad, ..zeroed() };
     call::<GetPad>(node, &mut setting)?;

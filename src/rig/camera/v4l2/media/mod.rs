@@ -24,7 +24,6 @@ const MEDIA_MAX: usize = 32;
 
 /// Nodes of a configured graph.
 pub(super) struct SetUp {
-    /// Capture node.
     pub(super) capture: Node,
     /// Node of the sensor's controls, if that is another one.
     pub(super) sensor: Option<Node>,
@@ -170,7 +169,6 @@ fn find(wanted: &MediaGraph) -> Result<(MediaDevice, Graph), RigError> {
     found.ok_or_else(|| refusal.unwrap_or_else(none))
 }
 
-/// Opens the device node of an entity.
 fn open(entity: &Entity) -> Result<Node, RigError> {
     let path = entity.node.and_then(|(major, minor)| {
         // A link to the device's folder, which has the name of its node.
@@ -209,7 +207,6 @@ fn settle_pad(
     Ok(settled)
 }
 
-/// Checks the format of a pad.
 fn compare(format: &PadFormat, size: Size, found: &PadSetting) -> Result<(), RigError> {
     let PadSetting { width, height, code, .. } = *found;
     let same = (width as usize, height as usize) == (size.width, size.height)
