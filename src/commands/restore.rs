@@ -57,12 +57,22 @@ pub(super) struct RestoreOptions {
     report: Option<PathBuf>,
 }
 
-/// Where results are written.
-enum ResultPlace {
-    StandardOutput,
-    File(PathBuf),
-    /// Each under its photo's name.
-    Folder(PathBuf),
+/// Checks the place of results before any photo is read.
+///
+/// # Errors
+/// When several photos have no folder, or the result's file exists or has no format's ending.
+fn check_place(RestoreOptions { photos, out, .. }: &RestoreOptions) -> Result<(), CliError> {
+    if out.is_dir() {
+        return Ok(());
+    }
+    if photos.len() > 1 {
+        return Err(CliError::NoSuchFolder(out.clone()));
+    }
+    if is_dash(out) {
+        return Ok(());
+    }
+    must_be_new(out)?;
+    format_of(out).map(|_| ())
 }
 
 struct Destination {
@@ -71,44 +81,22 @@ struct Destination {
     format: Format,
 }
 
-impl ResultPlace {
-    /// The place of `options`.
-    ///
-    /// # Errors
-    /// When several photos have no folder, or the result's file exists or has no format's ending.
-    fn of(options: &RestoreOptions) -> Result<ResultPlace, CliError> {
-        let RestoreOptions { photos, out, .. } = options;
-        if out.is_dir() {
-            return Ok(ResultPlace::Folder(out.clone()));
-        }
-        if photos.len() > 1 {
-            return Err(CliError::NoSuchFolder(out.clone()));
-        }
-        if is_dash(out) {
-            return Ok(ResultPlace::StandardOutput);
-        }
-        must_be_new(out)?;
-        format_of(out)?;
-        Ok(ResultPlace::File(out.clone()))
-    }
-
-    fn destination(&self, photo: &Photo) -> Result<Destination, CliError> {
+impl Destination {
+    /// The destination in `out`, a file, folder or dash, of the result of `photo`.
+    fn of(out: &Path, photo: &Photo) -> Result<Destination, CliError> {
         let usual = photo.manner.format;
-        let file = match self {
-            ResultPlace::StandardOutput => return Ok(Destination { file: None, format: usual }),
-            ResultPlace::File(out) => out.clone(),
-            ResultPlace::Folder(folder) => {
-                let name = if photo.name == STANDARD_INPUT { "photo" } else { &photo.name };
-                folder.join(result_name(name.as_ref(), usual))
-            }
+        let file = if out.is_dir() {
+            let name = if photo.name == STANDARD_INPUT { "photo" } else { &photo.name };
+            out.join(result_name(name.as_ref(), usual))
+        } else if is_dash(out) {
+            return Ok(Destination { file: None, format: usual });
+        } else {
+            out.to_owned()
         };
         must_be_new(&file)?;
-        let format = format_of(&file)?;
-        Ok(Destination { file: Some(file), format })
+        Ok(Destination { format: format_of(&file)?, file: Some(file) })
     }
-}
 
-impl Destination {
     /// The file's name for messages.
     fn name(&self) -> &Path {
         self.file.as_deref().unwrap_or(Path::new("standard output"))
@@ -146,7 +134,7 @@ pub(super) fn run(options: &RestoreOptions) -> Result<(), CliError> {
     if options.report.is_some() && photos.len() > 1 {
         return Err(CliError::OneReport(photos.len()));
     }
-    let place = ResultPlace::of(options)?;
+    check_place(options)?;
     let restorer = || {
         let (folder, method) = (&options.folder.folder, options.method);
         opening::restorer(&rig, folder, method, None, opening::devices)
@@ -154,7 +142,7 @@ pub(super) fn run(options: &RestoreOptions) -> Result<(), CliError> {
     // A single photo and the name of its result are checked before the rig is opened.
     if let [path] = &photos[..] {
         let read = read(path, &rig)?;
-        let destination = place.destination(&read.photo)?;
+        let destination = Destination::of(&options.out, &read.photo)?;
         return restore(options, &rig.name, read, &destination, &mut *restorer()?);
     }
     let mut restorer = restorer()?;
@@ -162,7 +150,7 @@ pub(super) fn run(options: &RestoreOptions) -> Result<(), CliError> {
     for path in photos {
         let done = read(path, &rig).and_then(|read| {
             let named = |error| CliError::OfPhoto(read.photo.name.clone(), Box::new(error));
-            let destination = place.destination(&read.photo).map_err(named)?;
+            let destination = Destination::of(&options.out, &read.photo).map_err(named)?;
             restore(options, &rig.name, read, &destination, &mut *restorer)
         });
         match done {
