@@ -30,7 +30,7 @@ pub fn camera_frame(bytes: &[u8], size: Size) -> Result<Counts, Flaw> {
     let bytes = with_codes.as_deref().unwrap_or(bytes);
     let raster = decode(bytes, &limits)?;
     // The samples need not agree with the coefficients, for strong colours are clipped.
-    let has_all = || jpeg::coefficients(bytes).is_some_and(|coding| coding.size == size);
+    let has_all = || jpeg::coefficients(bytes).is_ok_and(|of| of.is_some_and(|of| of.size == size));
     if raster.size != size || !has_all() {
         return Err(Flaw::Damaged {
             kind: "JPEG",

@@ -196,7 +196,7 @@ pub(super) fn decode(bytes: &[u8], limits: &Limits) -> Result<Raster, Flaw> {
         match content {
             Content::Written(Format::Jpeg) => {
                 let mut raster = collect(JpegDecoder::new(input), content, limits)?;
-                let coding = jpeg::coefficients(bytes).filter(|read| read.size == raster.size);
+                let coding = jpeg::coefficients(bytes)?.filter(|read| read.size == raster.size);
                 let step = raster.layout.samples();
                 raster.coding = match coding {
                     Some(coding) => jpeg::agree(&coding, &raster.samples, step)?.then_some(coding),

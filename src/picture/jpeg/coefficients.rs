@@ -2,12 +2,12 @@
 //!
 //! ITU-T T.81: sequential and progressive, Huffman coding, 8 bits, one component or three, the last
 //! two perhaps at half the width, height or both. Photos of other kinds are solved as decoded.
-//! Memory is bounded by [`AREA_MAX`], and time by [`SCANS_MAX`]
-//! passes over it.
+//! Memory is bounded by [`AREA_MAX`], and time by [`SCANS_MAX`] passes over it.
 
+use super::super::Flaw;
 use super::huffman::{Bits, HuffmanCodes};
 use super::scan::{Running, Scan, Tables, ZIGZAG};
-use super::{SCAN, Segment, Segments};
+use super::{SCAN, Segment, Segments, damaged};
 use crate::frame::{BLOCK_AREA, BLOCK_PX, CodedComponent, Coding, Size};
 
 /// Most scans of one picture. Guess: progressive coders write ten.
@@ -45,10 +45,32 @@ struct ComponentHeader {
     steps: usize,
 }
 
-/// The coefficients and steps of the JPEG `bytes`; `None` for a kind that is not read, or a file
-/// that is not whole.
-pub(in crate::picture) fn coefficients(bytes: &[u8]) -> Option<Coding> {
-    let CodedFile { is_rgb, frame, .. } = read(bytes)?;
+/// Why a JPEG's coefficients are not read.
+enum Unread {
+    /// The file is of a kind that is not read.
+    Kind,
+    /// Its codes make no sense from the unit of this number on, of so many in the scan.
+    Broken(usize, usize),
+}
+
+/// The coefficients and steps of the JPEG `bytes`; `None` for a kind that is not read.
+///
+/// # Errors
+/// [`Flaw::Damaged`] for codes that make no sense, or are of another number of blocks.
+pub(in crate::picture) fn coefficients(bytes: &[u8]) -> Result<Option<Coding>, Flaw> {
+    let found = match read(bytes) {
+        Ok(file) if file.fills_scans => return Ok(coding_of(file)),
+        Err(Unread::Kind) => return Ok(None),
+        Ok(_) => "codes for another number of blocks than the picture has".to_owned(),
+        Err(Unread::Broken(unit, units)) => {
+            format!("codes without meaning after {unit} of {units} blocks of a scan")
+        }
+    };
+    Err(damaged(&found, "codes for the whole picture"))
+}
+
+fn coding_of(file: CodedFile) -> Option<Coding> {
+    let CodedFile { is_rgb, frame, .. } = file;
     let CodedFrame { size, components, heads, .. } = frame?;
     // Components named R, G and B are not brightness and colour differences.
     let is_rgb = is_rgb && heads.len() > 1 || heads.iter().map(|h| h.identifier).eq(*b"RGB");
@@ -63,37 +85,46 @@ pub(in crate::picture) fn coefficients(bytes: &[u8]) -> Option<Coding> {
 /// Whether each scan of the JPEG `bytes` decodes to all of its blocks and ends where its data end.
 /// Zeros in place of data decode to another number of blocks.
 pub(in crate::picture) fn decodes_in_full(bytes: &[u8]) -> bool {
-    read(bytes).is_some_and(|state| state.fills_scans)
+    read(bytes).is_ok_and(|state| state.fills_scans)
 }
 
-/// The JPEG `bytes` decoded; `None` where it cannot be.
-fn read(bytes: &[u8]) -> Option<CodedFile> {
+/// The JPEG `bytes` decoded.
+fn read(bytes: &[u8]) -> Result<CodedFile, Unread> {
     let mut state = CodedFile { fills_scans: true, ..CodedFile::default() };
     let mut scans = 0;
     for segment in Segments::new(bytes) {
-        let Segment { marker, body, coded } = segment.ok()?;
+        let Segment { marker, body, coded } = segment.map_err(|_| Unread::Kind)?;
         match marker {
             0xc0..=0xc2 if state.frame.is_none() => {
-                state.frame = Some(frame_of(body, marker == 0xc2)?);
+                state.frame = Some(frame_of(body, marker == 0xc2).ok_or(Unread::Kind)?);
             }
-            0xc4 => state.read_codes(body)?,
-            0xc3 | 0xc5..=0xcf | 0xc0..=0xc2 => return None,
-            0xdb => state.read_steps(body)?,
-            0xdd => state.restart = usize::from(u16_at(body, 0)?),
+            0xc4 => state.read_codes(body).ok_or(Unread::Kind)?,
+            0xc3 | 0xc5..=0xcf | 0xc0..=0xc2 => return Err(Unread::Kind),
+            0xdb => state.read_steps(body).ok_or(Unread::Kind)?,
+            0xdd => state.restart = u16_at(body, 0).ok_or(Unread::Kind)?.into(),
             0xee if body.starts_with(b"Adobe") => state.is_rgb = body.get(11) == Some(&0),
             SCAN => {
                 scans += 1;
                 let end = state.read_scan(body, bytes, coded.start)?;
-                // Fill bytes may stand before a marker (B.1.1.2).
-                state.fills_scans &= bytes.get(end..coded.end)?.iter().all(|&b| b == 0xff);
+                let rest = bytes.get(end..coded.end).unwrap_or(&[0]);
+                state.fills_scans &= is_filling(rest);
                 if scans > SCANS_MAX {
-                    return None;
+                    return Err(Unread::Kind);
                 }
             }
             _ => {}
         }
     }
-    Some(state)
+    Ok(state)
+}
+
+/// Whether `rest`, after the last block, are fill bytes (B.1.1.2). Some cameras end with a restart.
+fn is_filling(rest: &[u8]) -> bool {
+    let rest = match rest {
+        [rest @ .., 0xff, 0xd0..=0xd7] => rest,
+        rest => rest,
+    };
+    rest.iter().all(|&b| b == 0xff)
 }
 
 fn u16_at(bytes: &[u8], at: usize) -> Option<u16> {
@@ -203,17 +234,19 @@ impl CodedFile {
     }
 
     /// Reads the scan with the header `body`, whose data begin at `at`; returns where they end.
-    fn read_scan(&mut self, body: &[u8], bytes: &[u8], at: usize) -> Option<usize> {
-        let count = usize::from(*body.first()?);
-        let fields = *body.get(1 + 2 * count..)?.first_chunk()?;
-        let scan = self.frame.as_ref()?.scan(fields, count)?;
-        let parts = self.scan_parts(body.get(1..1 + 2 * count)?)?;
-        let frame = self.frame.as_mut()?;
+    fn read_scan(&mut self, body: &[u8], bytes: &[u8], at: usize) -> Result<usize, Unread> {
+        let (scan, parts) = self.scan_header(body).ok_or(Unread::Kind)?;
+        // Motion JPEG leaves out the usual tables.
+        if !scan.progressive && parts.iter().any(|part| part.dc.is_none() || part.ac.is_none()) {
+            return Err(Unread::Kind);
+        }
+        let frame = self.frame.as_mut().ok_or(Unread::Kind)?;
         let (units, densest) = (frame.units(&parts), frame.densest());
         let (mut bits, mut running) = (Bits::new(bytes, at), Running::default());
         for unit in 0..units.area() {
+            let broken = || Unread::Broken(unit, units.area());
             if self.restart > 0 && unit > 0 && unit % self.restart == 0 {
-                bits.restart()?;
+                bits.restart().ok_or_else(broken)?;
                 running = Running::default();
             }
             let (column, row) = (unit % units.width, unit / units.width);
@@ -230,12 +263,22 @@ impl CodedFile {
                     let x = column * wide + part % wide;
                     let y = row * high + part / wide;
                     let begin = (y * component.blocks.width + x) * BLOCK_AREA;
-                    let block = component.coefficients.get_mut(begin..begin + BLOCK_AREA)?;
-                    scan.block(&mut bits, &tables, (&mut running, n), block)?;
+                    let block = component.coefficients.get_mut(begin..begin + BLOCK_AREA);
+                    let block = block.ok_or(Unread::Kind)?;
+                    let read = scan.block(&mut bits, &tables, (&mut running, n), block);
+                    read.ok_or_else(broken)?;
                 }
             }
         }
-        Some(bits.end())
+        Ok(bits.end())
+    }
+
+    /// The scan and its components with the header `body`.
+    fn scan_header(&mut self, body: &[u8]) -> Option<(Scan, Vec<ScanPart>)> {
+        let count = usize::from(*body.first()?);
+        let fields = *body.get(1 + 2 * count..)?.first_chunk()?;
+        let scan = self.frame.as_ref()?.scan(fields, count)?;
+        Some((scan, self.scan_parts(body.get(1..1 + 2 * count)?)?))
     }
 
     /// The components of a scan that `listed` names, with their tables; fixes the steps of each.
