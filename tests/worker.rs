@@ -47,13 +47,18 @@ fn read(worker: &Worker, path: &Path) -> Result<Photo, PictureError> {
     worker.photo(&name, File::open(path).unwrap(), Curve::Srgb, &Limits::default(), RIG)
 }
 
-/// A JPEG of a few hundred bytes that claims 6400×4800 pixels and decodes to them.
+/// A grey JPEG of 6400×4800 pixels in 0.4 MB, made without room for them.
 fn bomb() -> Vec<u8> {
     let mut grey = Manner::plain(Format::Jpeg, 8, Curve::Srgb);
     grey.layout = PixelLayout::Grey;
     let mut bytes = picture(&grey, RIG);
     let frame = bytes.windows(2).position(|w| w == [0xff, 0xc0]).unwrap();
     bytes[frame + 5..frame + 9].copy_from_slice(&[0x12, 0xc0, 0x19, 0x00]);
+    let scan = bytes.windows(2).position(|w| w == [0xff, 0xda]).unwrap();
+    bytes.truncate(scan + 2 + usize::from(bytes[scan + 3]));
+    // Four blocks like the one before: of six bits each by the usual codes (T.81, annex K.3).
+    bytes.extend([0x28, 0xa2, 0x8a].repeat(6400 * 4800 / 64 / 4));
+    bytes.extend([0xff, 0xd9]);
     bytes
 }
 
