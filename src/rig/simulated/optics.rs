@@ -21,9 +21,6 @@ const LOST_SHARE_MAX: f64 = 0.02;
 pub enum Light {
     /// The panel's primaries, in the green channel's geometry: a capture.
     Panel,
-    /// The panel's primaries, each channel's functions on their own centroids: a capture without
-    /// lateral colour, as after per-channel alignment.
-    PanelCentred,
     /// A scene's light behind the sensor's filters, in the green channel's geometry: a photograph.
     Scene,
 }
@@ -100,7 +97,7 @@ impl TracedFunctions {
 
     fn fan(&self, light: Light) -> &Fan {
         match light {
-            Light::Panel | Light::PanelCentred => &self.panel,
+            Light::Panel => &self.panel,
             Light::Scene => {
                 let (lens, radial) = (&self.before_scene, &self.scene_radial);
                 self.scene.get_or_init(|| Fan::new(lens, &self.prescription, radial, &self.filters))
@@ -120,9 +117,9 @@ pub(super) struct Optics {
     axes: [Axis; 2],
     glare: Glare,
     /// Convolution for each [`Light`], planned on first use.
-    convolutions: [OnceLock<Convolution>; 3],
+    convolutions: [OnceLock<Convolution>; 2],
     /// Relative illumination over the sensor for each [`Light`].
-    dark_corners: [OnceLock<[Plane; 3]>; 3],
+    dark_corners: [OnceLock<[Plane; 3]>; 2],
 }
 
 impl Optics {
@@ -202,9 +199,7 @@ impl Optics {
     /// The function of `channel` for a point seen at sensor place `at`, row-major, and the share of
     /// light outside its support.
     pub(super) fn function(&self, light: Light, channel: Channel, at: [f64; 2]) -> (Vec<f32>, f64) {
-        let own_centroid = light == Light::PanelCentred;
-        let fan = self.traced.fan(light);
-        fan.function(channel, self.relative_to_axis(at), self.support_px, own_centroid)
+        self.traced.fan(light).function(channel, self.relative_to_axis(at), self.support_px)
     }
 
     /// Optical transfer function of `channel` at sensor place `at` in the panel's light, for a

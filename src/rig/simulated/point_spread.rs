@@ -151,18 +151,17 @@ impl Fan {
     }
 
     /// Rays of `channel` from a point seen at (`x_px`, `y_px`) from the axis: arrival in pixels to
-    /// the right and down of the green geometry or of their own centroid, and light.
+    /// the right and down of the green geometry, and light.
     fn rays(
         &self,
         channel: Channel,
         [x_px, y_px]: [f64; 2],
-        own_centroid: bool,
     ) -> impl Iterator<Item = ([f32; 2], f32)> {
         let radius = x_px.hypot(y_px);
         let (n, t) = self.around(radius);
         let (a, b) = (&self.spots[channel.index()][n], &self.spots[channel.index()][n + 1]);
         let centroid = a.centroid_mm + t * (b.centroid_mm - a.centroid_mm);
-        let origin = if own_centroid || self.centred {
+        let origin = if self.centred {
             centroid
         } else {
             self.radial.sensor_mm[n] + t * (self.radial.sensor_mm[n + 1] - self.radial.sensor_mm[n])
@@ -188,7 +187,7 @@ impl Fan {
         frequency: [f64; 2],
     ) -> Complex<f64> {
         let (mut sum, mut all) = (Complex::default(), 0.0);
-        for ([right, down], light) in self.rays(channel, at, false) {
+        for ([right, down], light) in self.rays(channel, at) {
             let lines = f64::from(right) * frequency[0] + f64::from(down) * frequency[1];
             sum += Complex::cis(-TAU * lines) * f64::from(light);
             all += f64::from(light);
@@ -197,18 +196,16 @@ impl Fan {
     }
 
     /// Function of `channel` for a point seen at `at` from the axis, in pixels: `support_px`²
-    /// values with sum 1, and the share of light outside. It is placed on the green geometry, or
-    /// with `own_centroid` on its own centroid.
+    /// values with sum 1, and the share of light outside. It is placed on the green geometry.
     pub(super) fn function(
         &self,
         channel: Channel,
         at: [f64; 2],
         support_px: usize,
-        own_centroid: bool,
     ) -> (Vec<f32>, f64) {
         let mut function = vec![0.0f32; support_px * support_px];
         let (half, mut lost) = (support_px as f32 / 2.0, 0.0f64);
-        for ([right, down], light) in self.rays(channel, at, own_centroid) {
+        for ([right, down], light) in self.rays(channel, at) {
             let (column, row) = ((right + half).floor(), (down + half).floor());
             let inside = column >= 0.0 && row >= 0.0 && column < 2.0 * half && row < 2.0 * half;
             if inside {
