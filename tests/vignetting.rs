@@ -51,6 +51,8 @@ fn results_have_the_scene_s_corner_brightness() {
     let rig = small.replace("thickness-mm = 25.0", "thickness-mm = 80.0");
     let rig = rig.replace("[sensor]\n", "[sensor]\nmosaic = \"rggb\"\n");
     let rig = rig.replace("[display]\n", "[display]\nuneven = true\n");
+    // Noise of the broad light moves the middle, by 0.4 % with single captures.
+    let rig = rig.replace("[calibration]\n", "[calibration]\ncaptures-averaged = 4\n");
     std::fs::write(folder.join("kept.toml"), &rig).unwrap();
     let asked = rig.replace("\n[restore]\n", "\n[restore]\nremove-vignetting = true\n");
     std::fs::write(folder.join("removed.toml"), &asked).unwrap();
@@ -108,8 +110,7 @@ fn results_have_the_scene_s_corner_brightness() {
             // The sensor's rim lacks some of a wider scene's veil.
             assert!((factor[n] / lens[n] - 1.0).abs() < 0.03, "{factor:?}, {lens:?}");
             for found in [delivered[0][n], delivered[1][n]] {
-                // Of four seeds, the broad light's noise moved the middle by 0.4 %: 1.0 % at most.
-                assert!((found - 1.0).abs() < 0.012, "{}: {delivered:?}", c.name());
+                assert!((found - 1.0).abs() < 0.01, "{}: {delivered:?}", c.name());
             }
         }
     }

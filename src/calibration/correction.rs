@@ -71,7 +71,8 @@ impl Layout {
         Size::new(self.photo.width + 2 * self.margin_px, self.photo.height + 2 * self.margin_px)
     }
 
-    /// The panel column that each channel sees at each pixel of the canvas.
+    /// The panel column that each channel sees by `geometry`, panel pixels, canvas-sized; red and
+    /// blue beside green as the panel's subpixels lie.
     pub fn panel_columns(&self, geometry: &Geometry) -> Frame<Work> {
         let seen = self.on_canvas(&geometry.work_to_panel.x);
         Frame::from_fn(|c| {

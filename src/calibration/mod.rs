@@ -153,9 +153,9 @@ impl Calibration {
     /// Checks that all parts are valid and consistent; else describes the fault.
     fn check(&self) -> Result<(), String> {
         let Geometry { work_to_panel: there, panel_to_work: back } = &self.geometry;
-        let mut surfaces = self.dark_corner.iter().chain(&self.black);
         let maps = [&there.x, &there.y, &back.x, &back.y];
-        if surfaces.by_ref().chain(maps).any(|s| !s.is_whole()) {
+        let mut surfaces = self.dark_corner.iter().chain(&self.black).chain(maps);
+        if surfaces.any(|s| !s.is_whole()) {
             return Err("a surface has a wrong number of coefficients, or one that is not finite"
                 .to_owned());
         }

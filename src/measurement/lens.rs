@@ -229,7 +229,7 @@ fn recentre(
     // Functions that do not stand out have no centroid.
     let moved = moved.map_err(|_| {
         let found = "the lens functions do not stand out of the noise".to_owned();
-        CalibrateError::WrongFocus(found, "sharp enough for three times the noise".to_owned())
+        CalibrateError::WrongFocus(found, "functions above three times the noise".to_owned())
     })?;
     calibration.geometry = calibration.geometry.recentred(&moved).map_err(fit)?;
     Ok(())

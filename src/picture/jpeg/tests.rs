@@ -273,7 +273,7 @@ fn most_damaged_codes_are_found() {
     for _ in 0..50 {
         let mut bytes = ROCKET.to_vec();
         let at = bytes.len() / 3 + random() % (bytes.len() / 2);
-        // Without markers, of which the walk knows.
+        // Without 0xff: the walk would find markers.
         bytes[at..at + 512].fill_with(|| (random() % 255) as u8);
         found += usize::from(coefficients(&bytes).is_err());
     }
