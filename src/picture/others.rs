@@ -1,5 +1,10 @@
 //! Walks a BMP, GIF, PNM or WebP to its end; the decoders check the rest.
 
+use std::io::Cursor;
+
+use image::ImageDecoder;
+use image::codecs::pnm::PnmDecoder;
+
 use super::Flaw;
 use super::kind::Content;
 use super::metadata::{HOLE_BYTES, Lost, PartTable, Walked};
@@ -12,17 +17,16 @@ const USUAL_DENSITIES: [u32; 3] = [0, 2835, 3780];
 pub(super) fn walk(bytes: &[u8], content: Content) -> Result<Walked, Flaw> {
     let length = bytes.len();
     let zeros = bytes.iter().rev().take_while(|&&b| b == 0).count();
-    let stated = |at: usize| word(bytes, at).map_or(usize::MAX, |length| length as usize);
+    let stated = word(bytes, 4).map_or(usize::MAX, |length| (length as usize).saturating_add(8));
     let gif = if content == Content::Gif { gif_blocks(bytes) } else { None };
     let (whole, end) = match content {
-        Content::Gif => (gif.is_some(), "its trailer"),
+        Content::Gif => (gif.is_some(), "the end of its first picture"),
         Content::Bmp => (bmp_end(bytes) <= length, "its last row"),
         Content::Pnm => (pnm_end(bytes) <= length, "its last row"),
-        _ => (stated(4).saturating_add(8) <= length, "the length it states"),
+        _ => (stated <= length, "the length it states"),
     };
     // Bytes behind the end are none of the picture's.
-    let is_hole = content == Content::Webp
-        && (length - zeros).saturating_add(HOLE_BYTES) <= stated(4).saturating_add(8);
+    let is_hole = content == Content::Webp && (length - zeros).saturating_add(HOLE_BYTES) <= stated;
     if !whole || is_hole {
         let found = format!("an end after {length} bytes");
         let cut = Flaw::Truncated { kind: content.name(), found, end };
@@ -31,7 +35,7 @@ pub(super) fn walk(bytes: &[u8], content: Content) -> Result<Walked, Flaw> {
     let mut walked = Walked::default();
     match content {
         Content::Gif => {
-            let GifBlocks { pictures, extensions } = gif.unwrap_or_default();
+            let GifBlocks { pictures, extensions, .. } = gif.unwrap_or_default();
             walked.lose(Lost::PICTURES, pictures > 1);
             for name in extensions {
                 walked.look_up(&GIF_EXTENSIONS, "the GIF's data", name);
@@ -89,28 +93,12 @@ fn bmp_end(bytes: &[u8]) -> usize {
 /// Where the samples of a binary PNM end (Netpbm, pgm(5) and ppm(5)); the file's length for its
 /// other varieties, which the decoder checks.
 fn pnm_end(bytes: &[u8]) -> usize {
-    let samples = match bytes.get(..2) {
-        Some(b"P5") => 1,
-        Some(b"P6") => 3,
-        _ => return bytes.len(),
-    };
-    let mut at = 2;
-    let mut number = || {
-        while let Some(byte) = bytes.get(at).filter(|b| !b.is_ascii_digit()) {
-            // A comment goes on to the end of its line.
-            let comment = bytes[at..].iter().take_while(|&&b| b != b'\n').count();
-            at += if *byte == b'#' { comment.max(1) } else { 1 };
-        }
-        let digits = bytes[at..].iter().take_while(|b| b.is_ascii_digit()).count();
-        at += digits;
-        std::str::from_utf8(&bytes[at - digits..at]).ok()?.parse::<usize>().ok()
-    };
-    let (Some(width), Some(height), Some(most)) = (number(), number(), number()) else {
-        return usize::MAX;
-    };
-    let each = samples * if most > 255 { 2 } else { 1 };
-    // One blank ends the header.
-    width.saturating_mul(height).saturating_mul(each).saturating_add(at + 1)
+    if !bytes.starts_with(b"P5") && !bytes.starts_with(b"P6") {
+        return bytes.len();
+    }
+    let Ok(decoder) = PnmDecoder::new(Cursor::new(bytes)) else { return usize::MAX };
+    let length = decoder.total_bytes();
+    usize::try_from(decoder.into_inner().0.position().saturating_add(length)).unwrap_or(usize::MAX)
 }
 
 /// Extensions of a GIF by their label and the application's name, and what is lost with them.
@@ -133,36 +121,47 @@ const WEBP_CHUNKS: PartTable = PartTable {
 #[derive(Debug, Default, PartialEq)]
 struct GifBlocks<'a> {
     pictures: usize,
+    /// Where the first one ends.
+    first_end: Option<usize>,
     /// Label and first block of each.
     extensions: Vec<&'a [u8]>,
 }
 
-/// The blocks of a GIF to its trailer; `None` where they are cut (GIF89a, §17 to §26).
+/// The blocks of a GIF to its trailer, or as far as they go behind its first picture; `None` where
+/// that is cut (GIF89a, §17 to §26).
 fn gif_blocks(bytes: &[u8]) -> Option<GifBlocks<'_>> {
-    // Bytes of the colour table that `flags` state.
-    let table = |flags: u8| if flags & 0x80 == 0 { 0 } else { 3usize << ((flags & 7) + 1) };
-    let mut at = 13 + table(*bytes.get(10)?);
     let mut found = GifBlocks::default();
-    loop {
-        match bytes.get(at)? {
-            b'!' => {
-                at += 2;
-                found.extensions.push(bytes.get(at - 1..(at + 12).min(bytes.len()))?);
-            }
-            b',' => {
-                found.pictures += 1;
-                at += 10 + table(*bytes.get(at + 9)?) + 1;
-            }
-            b';' => return Some(found),
-            _ => return None,
-        }
-        // Blocks of data, to the empty one.
+    let is_all = found.read(bytes).is_some();
+    let rest = &bytes[found.first_end?..];
+    let zeros = rest.iter().take_while(|&&b| b == 0).count();
+    // In a hole, the first zero ends the picture.
+    (is_all || rest.is_empty() || zeros < HOLE_BYTES.min(rest.len())).then_some(found)
+}
+
+impl<'a> GifBlocks<'a> {
+    fn read(&mut self, bytes: &'a [u8]) -> Option<()> {
+        // Bytes of the colour table that `flags` state.
+        let table = |flags: u8| if flags & 0x80 == 0 { 0 } else { 3usize << ((flags & 7) + 1) };
+        let mut at = 13 + table(*bytes.get(10)?);
         loop {
-            let length = usize::from(*bytes.get(at)?);
-            at += 1 + length;
-            if length == 0 {
-                break;
+            match bytes.get(at)? {
+                b'!' => {
+                    at += 2;
+                    self.extensions.push(bytes.get(at - 1..(at + 12).min(bytes.len()))?);
+                }
+                b',' => {
+                    self.pictures += 1;
+                    at += 10 + table(*bytes.get(at + 9)?) + 1;
+                }
+                b';' => return Some(()),
+                _ => return None,
             }
+            // Blocks of data, to the empty one.
+            while let length @ 1.. = usize::from(*bytes.get(at)?) {
+                at += 1 + length;
+            }
+            at += 1;
+            self.first_end = self.first_end.or((self.pictures > 0).then_some(at));
         }
     }
 }
@@ -221,9 +220,16 @@ mod tests {
         assert_eq!(gif_blocks(&gif).map(|found| found.pictures), Some(2));
         let lost = walk(&gif, Content::Gif).unwrap().lost;
         assert!(lost.into_iter().eq([Lost::TEXTS, Lost::PICTURES]));
-        (0..gif.len()).for_each(|cut| {
-            let _ = gif_blocks(&gif[..cut]);
-        });
+        // Whole from the end of the first picture on, unless a hole follows.
+        let first_end = gif.len() - 1 - 15;
+        let whole = |bytes: &[u8]| walk(bytes, Content::Gif).is_ok();
+        assert!((0..first_end).all(|cut| !whole(&gif[..cut])));
+        assert!((first_end..gif.len()).all(|cut| whole(&gif[..cut])));
+        for (hole, is_whole) in [(1, false), (2000, false)] {
+            assert_eq!(whole(&[&gif[..first_end], &vec![0; hole]].concat()), is_whole, "{hole}");
+        }
+        let out_of_order = [&gif[..first_end], &[0; 4096], &gif[first_end..]].concat();
+        assert!(!whole(&out_of_order));
 
         let chunk = |name: &[u8; 4], data: &[u8]| {
             let padded = if data.len() % 2 == 1 { &b"\0"[..] } else { b"" };

@@ -163,6 +163,11 @@ fn formats_are_recognised_by_content_and_unwritable_ones_become_png() {
         assert!(report.result.ends_with(".png"), "{}", report.result);
     }
     assert!(root.join("outbox/12.5.2024.png").is_file());
+    // Without a trailer, or cut in a later picture.
+    for (name, end) in [("d.gif", &b""[..]), ("e.gif", b",\0\0")] {
+        drop_in(root, name, &[&gif[..gif.len() - 1], end].concat());
+        assert_eq!(once(root).restored.len(), 1, "{name}");
+    }
     // Incomplete ones are rejected; unchanged ones are delivered as they are.
     for (name, bytes) in [("a.webp", &webp), ("b.bmp", &bmp), ("c.gif", &gif)] {
         drop_in(root, name, &bytes[..bytes.len() / 2]);
