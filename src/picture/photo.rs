@@ -33,7 +33,6 @@ pub struct Manner {
     /// The transfer curve, undone on reading and redone on writing.
     pub tone: Tone,
     /// How the stored pixels are turned upright when written.
-    #[serde(with = "super::turn")]
     pub orientation: Orientation,
     /// The ICC profile, carried byte by byte.
     pub icc: Option<Vec<u8>>,

@@ -1,22 +1,9 @@
 //! Turning a picture upright: the eight EXIF orientations, applied to planes.
 
-use serde::{Deserialize, Deserializer, Serializer, de::Error};
-
 use crate::frame::{Plane, Size};
 
 /// How stored pixels must be turned to stand upright (EXIF 2.3 tag 0x0112).
 pub use image::metadata::Orientation;
-
-/// Serialises an orientation as EXIF's number.
-pub(super) fn serialize<S: Serializer>(it: &Orientation, to: S) -> Result<S::Ok, S::Error> {
-    to.serialize_u8(it.to_exif())
-}
-
-/// Deserialises EXIF's number of an orientation.
-pub(super) fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<Orientation, D::Error> {
-    let unknown = || D::Error::custom("an unknown orientation");
-    Orientation::from_exif(u8::deserialize(from)?).ok_or_else(unknown)
-}
 
 /// Width and height after turning.
 pub(super) fn turned_size(size: Size, orientation: Orientation) -> Size {
