@@ -16,7 +16,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::frame::{Coding, PhotoGrid, Size};
 
-use super::dng::{self, RawFile, Sites};
+use super::dng::{self, RawFile};
 use super::kind::{Content, Format, recognise};
 use super::metadata::{Lost, Walked};
 use super::tone::StatedColours;
@@ -102,13 +102,6 @@ pub(super) struct Raster {
     pub(super) exif: Option<Vec<u8>>,
     /// What its result lacks.
     pub(super) lost: BTreeSet<Lost>,
-    pub(super) camera: Option<super::PhotoCamera>,
-    /// The scale and pattern of a sensor's counts.
-    pub(super) sites: Option<Sites>,
-    /// The colours of a sensor's counts.
-    pub(super) colours: Option<super::CameraColours>,
-    /// The noise of a raw photo as stated; see [`RawSites::noise`](crate::frame::RawSites::noise).
-    pub(super) noise: Option<[[f32; 2]; 3]>,
     /// A JPEG's quantised coefficients.
     pub(super) coding: Option<Coding>,
     /// Whether the file states sRGB's colours.
@@ -117,9 +110,12 @@ pub(super) struct Raster {
 
 /// A file walked to its end, nothing decoded.
 pub(super) struct Heading {
-    content: Content,
+    pub(super) content: Content,
     walked: Walked,
-    raw: Option<RawFile>,
+    /// The raw photo in it.
+    pub(super) raw: Option<RawFile>,
+    /// A JPEG's coefficients or their lack, where its zeros had to be decoded.
+    coding: Option<Option<Coding>>,
 }
 
 /// Walks a whole photo to its end without decoding anything.
@@ -145,7 +141,8 @@ pub(super) fn walk(bytes: &[u8], limits: &Limits) -> Result<Heading, Flaw> {
         // Their size is checked by the decoder's header, before anything is allocated.
         Content::Bmp | Content::Gif | Content::Pnm | Content::Webp => others::walk(bytes, content)?,
     };
-    let Some(found) = walked.size else { return Ok(Heading { content, walked, raw }) };
+    let mut heading = Heading { content, walked, raw, coding: None };
+    let Some(found) = heading.walked.size else { return Ok(heading) };
     if found.width as u64 * found.height as u64 > limits.pixels_max {
         return Err(Flaw::Oversized { found, allowed: limits.pixels_max });
     }
@@ -153,82 +150,73 @@ pub(super) fn walk(bytes: &[u8], limits: &Limits) -> Result<Heading, Flaw> {
     // photo of another shape is refused without.
     let upright = Orientation::NoTransforms;
     let fits = |grid| shape::check(found, upright, grid).is_ok();
-    if let Some(Range { start: from, end: to }) = walked.zeros
+    if let Some(Range { start: from, end: to }) = heading.walked.zeros
         && limits.grid.is_none_or(fits)
-        && !jpeg::decodes_in_full(bytes)
     {
-        return Err(Flaw::ZeroFilled { from, to, length: bytes.len() });
+        let hole = || Flaw::ZeroFilled { from, to, length: bytes.len() };
+        heading.coding = Some(jpeg::coefficients_with_zeros(bytes).ok_or_else(hole)?);
     }
-    Ok(Heading { content, walked, raw })
+    Ok(heading)
 }
 
-/// Decodes a whole photo, developed or raw.
+/// Decodes a whole developed photo.
 ///
 /// # Errors
 /// The [`Flaw`] of the file; nothing large is allocated before the header's size is found within
 /// `limits`.
 pub(super) fn decode(bytes: &[u8], limits: &Limits) -> Result<Raster, Flaw> {
-    let Heading { content, walked, raw } = walk(bytes, limits)?;
-    let Walked { lost, colours, exif, is_multiplied, .. } = walked;
-    if let Some(raw) = raw {
-        return Ok(Raster {
-            content,
-            size: raw.size,
-            layout: PixelLayout::Grey,
-            bits: 16,
-            samples: raw.counts(bytes),
-            orientation: Orientation::from_exif(raw.orientation)
-                .unwrap_or(Orientation::NoTransforms),
-            icc: None,
-            exif,
-            lost,
-            camera: raw.camera,
-            sites: Some(raw.sites),
-            colours: raw.colours,
-            noise: raw.noise,
-            coding: None,
-            is_srgb: false,
-        });
-    }
-    // Decoders may panic on hostile files, by their own notes.
-    let decoded = catch_unwind(AssertUnwindSafe(|| {
-        let input = Cursor::new(bytes);
-        match content {
-            Content::Written(Format::Jpeg) => {
-                let mut raster = collect(JpegDecoder::new(input), content, limits)?;
-                let coding = jpeg::coefficients(bytes)?.filter(|read| read.size == raster.size);
-                let step = raster.layout.samples();
-                raster.coding = match coding {
-                    Some(coding) => jpeg::agree(&coding, &raster.samples, step)?.then_some(coding),
-                    None => None,
-                };
-                Ok(raster)
+    walk(bytes, limits)?.decode(bytes, limits)
+}
+
+impl Heading {
+    /// Decodes the developed photo in `bytes`, which were walked.
+    pub(super) fn decode(self, bytes: &[u8], limits: &Limits) -> Result<Raster, Flaw> {
+        let Heading { content, walked, coding, .. } = self;
+        let Walked { lost, colours, exif, is_multiplied, .. } = walked;
+        // Decoders may panic on hostile files, by their own notes.
+        let decoded = catch_unwind(AssertUnwindSafe(|| {
+            let input = Cursor::new(bytes);
+            match content {
+                Content::Written(Format::Jpeg) => {
+                    let mut raster = collect(JpegDecoder::new(input), content, limits)?;
+                    let coding = coding.map_or_else(|| jpeg::coefficients(bytes), Ok)?;
+                    let step = raster.layout.samples();
+                    raster.coding = match coding.filter(|read| read.size == raster.size) {
+                        Some(coding) => {
+                            jpeg::agree(&coding, &raster.samples, step)?.then_some(coding)
+                        }
+                        None => None,
+                    };
+                    Ok(raster)
+                }
+                Content::Written(Format::Png) => {
+                    collect(PngDecoder::with_limits(input, decoder_limits(limits)), content, limits)
+                }
+                Content::Written(Format::Tiff) => collect(TiffDecoder::new(input), content, limits),
+                Content::Bmp => collect(BmpDecoder::new(input), content, limits),
+                Content::Gif => collect(GifDecoder::new(input), content, limits),
+                Content::Pnm => collect(PnmDecoder::new(input), content, limits),
+                Content::Webp => collect(WebPDecoder::new(input), content, limits),
             }
-            Content::Written(Format::Png) => {
-                collect(PngDecoder::with_limits(input, decoder_limits(limits)), content, limits)
-            }
-            Content::Written(Format::Tiff) => collect(TiffDecoder::new(input), content, limits),
-            Content::Bmp => collect(BmpDecoder::new(input), content, limits),
-            Content::Gif => collect(GifDecoder::new(input), content, limits),
-            Content::Pnm => collect(PnmDecoder::new(input), content, limits),
-            Content::Webp => collect(WebPDecoder::new(input), content, limits),
-        }
-    }));
-    let decoded = decoded.unwrap_or_else(|_| Err(Flaw::Undecodable { kind: content.name() }));
-    let mut raster = decoded.map_err(|flaw| match flaw {
-        Flaw::Unsupported { kind, found, allowed } if content == Content::Written(Format::Tiff) => {
-            let found = tiff::samples_of(bytes).unwrap_or(found);
+        }));
+        let decoded = decoded.unwrap_or_else(|_| Err(Flaw::Undecodable { kind: content.name() }));
+        let mut raster = decoded.map_err(|flaw| match flaw {
             Flaw::Unsupported { kind, found, allowed }
+                if content == Content::Written(Format::Tiff) =>
+            {
+                let found = tiff::samples_of(bytes).unwrap_or(found);
+                Flaw::Unsupported { kind, found, allowed }
+            }
+            flaw => flaw,
+        })?;
+        raster.lost.extend(lost);
+        raster.exif = raster.exif.or(exif);
+        raster.state(colours);
+        if is_multiplied && raster.layout.has_alpha() {
+            raster.divide_by_alpha();
         }
-        flaw => flaw,
-    })?;
-    raster.lost.extend(lost);
-    raster.exif = raster.exif.or(exif);
-    raster.state(colours);
-    if is_multiplied && raster.layout.has_alpha() {
-        raster.divide_by_alpha();
+        Ok(raster)
     }
-    Ok(raster)
 }
 
 impl Raster {
@@ -305,6 +293,8 @@ fn collect<D: ImageDecoder>(
         8 => raw.into_iter().map(u16::from).collect(),
         _ => raw.chunks_exact(2).map(|b| u16::from_ne_bytes([b[0], b[1]])).collect(),
     };
+    let lost = has_xmp.then_some(Lost::XMP).into_iter().collect();
+    let (coding, is_srgb) = (None, false);
     Ok(Raster {
         content,
         size,
@@ -314,13 +304,9 @@ fn collect<D: ImageDecoder>(
         orientation,
         icc,
         exif,
-        lost: has_xmp.then_some(Lost::XMP).into_iter().collect(),
-        camera: None,
-        sites: None,
-        colours: None,
-        noise: None,
-        coding: None,
-        is_srgb: false,
+        lost,
+        coding,
+        is_srgb,
     })
 }
 

@@ -16,7 +16,7 @@ use super::tiff::{
     NEW_SUBFILE_TYPE, PHOTOMETRIC, ROWS_PER_STRIP, SAMPLE_FORMAT, SAMPLES_PER_PIXEL,
     STRIP_BYTE_COUNTS, STRIP_OFFSETS, SUB_DIRECTORIES,
 };
-use crate::frame::{FULL_SCALE, Mosaic, Plane, Rect, Size};
+use crate::frame::{FULL_SCALE, Mosaic, PhotoGrid, Plane, Rect, Size};
 use blocks::SiteBlocks;
 
 pub use camera::{PhotoCamera, RawTags, RigSetting};
@@ -37,6 +37,8 @@ const BLACK_LEVEL: u16 = 50714;
 const BLACK_ALONG: u16 = 50715;
 const BLACK_DOWN: u16 = 50716;
 const WHITE_LEVEL: u16 = 50717;
+const DEFAULT_CROP_ORIGIN: u16 = 50719;
+const DEFAULT_CROP_SIZE: u16 = 50720;
 const COLOUR_MATRICES: [u16; 2] = [50721, 50722];
 const AS_SHOT_NEUTRAL: u16 = 50728;
 const SERIAL: u16 = 50735;
@@ -47,8 +49,10 @@ const NOISE_PROFILE: u16 = 51041;
 
 /// [`PHOTOMETRIC`]: sites behind colour filters.
 const SITES: usize = 32803;
-/// [`PHOTOMETRIC`]: demosaiced by a program.
+/// [`PHOTOMETRIC`]: demosaiced by a program, or of a sensor without colour filters.
 const LINEAR_RAW: usize = 34892;
+/// [`PHOTOMETRIC`]: grey.
+const BLACK_IS_ZERO: usize = 1;
 
 /// [`CALIBRATION_ILLUMINANTS`]: D65.
 const D65: u16 = 21;
@@ -60,8 +64,7 @@ pub(crate) const OUR_MAKE: &str = "relens";
 const DIRECTORIES_MAX: usize = 32;
 
 /// Fields with one supported value: tag, default, that value, name.
-const ONLY: [(u16, usize, usize, &str); 6] = [
-    (PHOTOMETRIC, 0, SITES, "photometric interpretation"),
+const ONLY: [(u16, usize, usize, &str); 5] = [
     (COMPRESSION, 1, 1, "compression"),
     (FILL_ORDER, 1, 1, "order of bits"),
     (SAMPLES_PER_PIXEL, 1, 1, "samples a pixel"),
@@ -89,8 +92,8 @@ pub(super) struct RawFile {
     /// EXIF's number.
     pub(super) orientation: u8,
     /// What describes the photo, as an EXIF block.
-    exif: Option<Vec<u8>>,
-    lost: BTreeSet<Lost>,
+    pub(super) exif: Option<Vec<u8>>,
+    pub(super) lost: BTreeSet<Lost>,
     /// The camera, as far as stated.
     pub(super) camera: Option<PhotoCamera>,
     /// Its colours, unless sRGB's.
@@ -101,12 +104,15 @@ pub(super) struct RawFile {
     blocks: SiteBlocks,
     /// The part of them that sees light.
     active: Rect,
+    /// The part of those that the file proposes to show (DNG 1.4, DefaultCropOrigin).
+    crop: Option<Rect>,
 }
 
 /// The scale and pattern of counts.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Sites {
-    pub(super) mosaic: Mosaic,
+    /// `None` for a sensor without colour filters.
+    pub(super) mosaic: Option<Mosaic>,
     /// Counts without light, for two rows and columns of the pattern.
     black: [[f32; 2]; 2],
     /// The largest count.
@@ -148,36 +154,41 @@ pub(super) fn find(bytes: &[u8]) -> Result<Option<RawFile>, Flaw> {
     if !declared {
         return Ok(None);
     }
-    let whole =
-        |d: &&Directory| d.is_raw() && matches!(d.number(NEW_SUBFILE_TYPE), Ok(None | Some(0)));
-    let Some(directory) = all.iter().find(whole) else {
-        let is_grey = |d: &&Directory<'_>| matches!(d.number(PHOTOMETRIC), Ok(Some(0 | 1)));
-        let main = |d: &Directory<'_>| matches!(d.number(NEW_SUBFILE_TYPE), Ok(None | Some(0)));
-        let found = match all.iter().filter(is_grey).any(main) {
-            true => "the counts of a monochrome sensor",
-            false => "no picture of a sensor's sites",
-        };
-        return Err(unsupported(found.to_owned()));
-    };
-    let raw = directory.raw_file()?;
-    let turned = all[0].number(ORIENTATION)?.or(directory.number(ORIENTATION)?);
-    let exif = exif::of_tiff(&file, &[all[0].at, directory.at]);
+    let is_main = |d: &&Directory<'_>| matches!(d.number(NEW_SUBFILE_TYPE), Ok(None | Some(0)));
+    let is_grey = |d: &&Directory<'_>| matches!(d.number(PHOTOMETRIC), Ok(Some(BLACK_IS_ZERO)));
+    let mut main = all.iter().filter(is_main);
+    let directory = main.clone().find(|d| d.is_raw()).or_else(|| main.find(is_grey));
+    let directory =
+        directory.ok_or_else(|| unsupported("no picture of a sensor's sites".to_owned()))?;
     let table = [(XMP, Lost::XMP), (IPTC, Lost::IPTC), (PRIVATE, Lost::MAKER_NOTES)];
     let held = |tag: &u16| all.iter().any(|d| d.find(*tag).is_some());
-    let mut lost: BTreeSet<Lost> =
-        table.into_iter().filter(|(tag, _)| held(tag)).map(|(_, lost)| lost).collect();
-    lost.extend(all.iter().any(Directory::has_maker_notes).then_some(Lost::MAKER_NOTES));
-    let orientation = turned.and_then(|o| u8::try_from(o).ok()).unwrap_or(1);
-    let (camera, colours) = (all[0].camera(), all[0].colours().or_else(|| directory.colours()));
-    let noise = directory.noise().or_else(|| all[0].noise());
-    Ok(Some(RawFile { orientation, exif, lost, camera, colours, noise, ..raw }))
+    let mut raw = directory.raw_file(&all[0])?;
+    raw.exif = exif::of_tiff(&file, &[all[0].at, directory.at]);
+    raw.lost = table.into_iter().filter(|(tag, _)| held(tag)).map(|(_, lost)| lost).collect();
+    raw.lost.extend(all.iter().any(Directory::has_maker_notes).then_some(Lost::MAKER_NOTES));
+    Ok(Some(raw))
 }
 
 impl RawFile {
     /// The walk over the file; its size is that of all sites, masked ones included.
     pub(super) fn walked(&self) -> Walked {
-        let (size, exif, lost) = (Some(self.blocks.size()), self.exif.clone(), self.lost.clone());
-        Walked { size, exif, lost, ..Walked::default() }
+        Walked { size: Some(self.blocks.size()), ..Walked::default() }
+    }
+
+    /// The part of it that the file proposes to show, where that has a size of the rig's `grid` and
+    /// the whole has not.
+    pub(super) fn on(mut self, grid: Option<PhotoGrid>) -> RawFile {
+        let fits = |size| grid.is_some_and(|grid| [grid.sensor, grid.photo.size].contains(&size));
+        let crop = self.crop.filter(|crop| !fits(self.size) && fits(crop.size));
+        if let Some(Rect { x, y, size }) = crop {
+            let Sites { mosaic, black, .. } = &mut self.sites;
+            *mosaic = mosaic.map(|mosaic| mosaic.from_place(x, y));
+            let all = *black;
+            *black = [0, 1].map(|j| [0, 1].map(|i| all[(y + j) % 2][(x + i) % 2]));
+            self.active = Rect { x: self.active.x + x, y: self.active.y + y, size };
+            self.size = size;
+        }
+        self
     }
 
     /// Its counts, row by row, in the `bytes` of its file.
@@ -206,17 +217,18 @@ impl Directory<'_> {
         matches!(self.number(PHOTOMETRIC), Ok(Some(SITES | LINEAR_RAW)))
     }
 
-    fn raw_file(&self) -> Result<RawFile, Flaw> {
+    /// The photo of its counts, which the `first` directory describes, too.
+    fn raw_file(&self, first: &Directory<'_>) -> Result<RawFile, Flaw> {
+        let is_sites = self.number(PHOTOMETRIC)? == Some(SITES);
+        if !is_sites && self.number(SAMPLES_PER_PIXEL)?.unwrap_or(1) > 1 {
+            return Err(unsupported("a partly developed picture (linear DNG)".to_owned()));
+        }
         for (tag, without, allowed, name) in ONLY {
             let found = self.number(tag)?.unwrap_or(without);
             match (tag, found) {
                 _ if found == allowed => {}
                 (COMPRESSION, how) => {
                     return Err(unsupported(format!("compressed counts (compression {how})")));
-                }
-                (PHOTOMETRIC, LINEAR_RAW) => {
-                    let found = "a partly developed picture (linear DNG)";
-                    return Err(unsupported(found.to_owned()));
                 }
                 _ => return Err(unsupported(format!("{name} {found} in place of {allowed}"))),
             }
@@ -241,20 +253,24 @@ impl Directory<'_> {
             return Err(unsupported(format!("bits a sample {bits} in place of 8 to 16")));
         }
         let active = self.active_area(size)?;
-        let sites = Sites { mosaic: self.mosaic()?, ..self.levels(bits)? };
+        let is_filtered = is_sites || self.find(CFA_PATTERN).is_some();
+        let mosaic = if is_filtered { Some(self.mosaic()?) } else { None };
+        let sites = Sites { mosaic, ..self.levels(bits)? };
         let blocks = SiteBlocks::of(self, size, bits)?;
-        let (camera, colours, noise) = (None, None, None);
+        let turned = first.number(ORIENTATION)?.or(self.number(ORIENTATION)?);
+        let colours = first.colours().or_else(|| self.colours());
         Ok(RawFile {
             size: active.size,
             sites,
             blocks,
             active,
-            orientation: 1,
+            crop: self.default_crop(active.size),
+            orientation: turned.and_then(|o| u8::try_from(o).ok()).unwrap_or(1),
             exif: None,
             lost: BTreeSet::new(),
-            camera,
-            colours,
-            noise,
+            camera: first.camera(),
+            colours: colours.filter(|_| mosaic.is_some()),
+            noise: self.noise().or_else(|| first.noise()),
         })
     }
 
@@ -272,6 +288,18 @@ impl Directory<'_> {
             return Err(self.file.damaged(&found, "a part of the picture"));
         }
         Ok(Rect { x: left, y: top, size: Size::new(right - left, bottom - top) })
+    }
+
+    /// The part of a picture of `size` that is proposed to be shown, if it is of whole sites.
+    fn default_crop(&self, size: Size) -> Option<Rect> {
+        let pair = |tag| -> Option<[usize; 2]> {
+            let numbers: [f32; 2] = self.reals(tag).ok()??.try_into().ok()?;
+            let is_whole = |v: &f32| v.fract() == 0.0 && (0.0..1e6).contains(v);
+            numbers.iter().all(is_whole).then(|| numbers.map(|v| v as usize))
+        };
+        let ([x, y], [width, height]) = (pair(DEFAULT_CROP_ORIGIN)?, pair(DEFAULT_CROP_SIZE)?);
+        let is_inside = x + width <= size.width && y + height <= size.height;
+        is_inside.then(|| Rect { x, y, size: Size::new(width, height) })
     }
 
     /// The camera, if stated.
@@ -327,7 +355,7 @@ impl Directory<'_> {
         })
     }
 
-    /// Black and white levels, with an arbitrary mosaic.
+    /// Black and white levels, without a mosaic.
     fn levels(&self, bits: usize) -> Result<Sites, Flaw> {
         let repeat = self.numbers(BLACK_REPEAT)?.unwrap_or_else(|| vec![1, 1]);
         let [rows @ 1..=2, columns @ 1..=2] = repeat[..] else {
@@ -348,15 +376,15 @@ impl Directory<'_> {
             let found = format!("black at {largest} and white at {white} counts");
             return Err(self.file.damaged(&found, "white above black, up to 65535"));
         }
-        Ok(Sites { mosaic: Mosaic::Rggb, black, white: white as f32 })
+        Ok(Sites { mosaic: None, black, white: white as f32 })
     }
 }
 
 fn unsupported(found: String) -> Flaw {
     let allowed = "counts of a sensor's sites, of 8, 10, 12, 14 or 16 bits, behind filters of \
-                   three colours that repeat by two, uncompressed; convert it so, or develop it \
-                   with the camera maker's program, without sharpening and lens corrections, and \
-                   save it as TIFF of 16 bits; previews are not restored";
+                   three colours that repeat by two or behind none, uncompressed; convert it so, \
+                   or develop it with the camera maker's program, without sharpening and lens \
+                   corrections, and save it as TIFF of 16 bits; previews are not restored";
     Flaw::Unsupported { kind: "raw photo", found, allowed }
 }
 

@@ -160,25 +160,19 @@ pub(super) fn camera_in(directory: &Directory<'_>) -> Option<String> {
 /// Maker and model in the block `exif`. The programs of rpicam-apps state them beside the exposure.
 pub(super) fn camera(exif: &[u8]) -> Option<String> {
     let file = File::new(exif);
-    let first = Directory::read(&file, file.u32(4).ok()? as usize).ok()?;
-    camera_in(&first).or_else(|| {
-        let below = first.number(EXIF_DIRECTORY).ok()??;
-        camera_in(&Directory::read(&file, below).ok()?)
-    })
+    let first = Directory::first(&file).ok()?;
+    camera_in(&first).or_else(|| camera_in(&first.below(EXIF_DIRECTORY)?))
 }
 
 /// Whether the block `exif` states Adobe RGB (DCF 2.0, §4.6; EXIF 2.3, §4.6.5).
 pub(super) fn is_adobe_rgb(exif: &[u8]) -> bool {
     let file = File::new(exif);
-    let read = |at: usize| Directory::read(&file, at).ok();
-    let number = |at: usize, tag: u16| read(at)?.number(tag).ok().flatten();
-    let exif = file.u32(4).ok().and_then(|at| number(at as usize, EXIF_DIRECTORY));
-    let Some(exif) = exif else { return false };
-    let index = number(exif, INTEROPERABILITY)
-        .and_then(|at| read(at)?.text(INTEROPERABILITY_INDEX).ok().flatten());
-    match number(exif, COLOUR_SPACE) {
-        Some(space) => space == 2 || space == 0xffff && index.as_deref() == Some("R03"),
-        None => false,
+    let first = Directory::first(&file).ok();
+    let Some(exif) = first.and_then(|first| first.below(EXIF_DIRECTORY)) else { return false };
+    let index = || exif.below(INTEROPERABILITY)?.text(INTEROPERABILITY_INDEX).ok().flatten();
+    match exif.number(COLOUR_SPACE) {
+        Ok(Some(space)) => space == 2 || space == 0xffff && index().as_deref() == Some("R03"),
+        _ => false,
     }
 }
 

@@ -18,7 +18,7 @@ use super::iptc::{self, RESOURCES};
 use super::metadata::{HOLE_BYTES, Lost, PartTable, Walked, longest_zero_run};
 use crate::frame::Size;
 pub(super) use agreement::agree;
-pub(super) use coefficients::{coefficients, decodes_in_full};
+pub(super) use coefficients::{coefficients, coefficients_with_zeros};
 pub(super) use usual_codes::with_usual_codes;
 
 /// Application segments by the beginning of their marker and body, and what is lost with them.

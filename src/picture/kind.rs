@@ -96,9 +96,9 @@ const RAW_ENDING: &str = "dng";
 
 /// Whether files of this ending (without the dot, any case) are read.
 fn is_photo_ending(extension: &str) -> bool {
-    let is_its = |content: Content| content.has_ending(extension);
+    let others = [Content::Bmp, Content::Gif, Content::Pnm, Content::Webp];
     Format::of_extension(extension).is_some()
-        || [Content::Bmp, Content::Gif, Content::Pnm, Content::Webp].into_iter().any(is_its)
+        || others.into_iter().any(|content| content.has_ending(extension))
         || extension.eq_ignore_ascii_case(RAW_ENDING)
 }
 

@@ -10,14 +10,14 @@ use crate::frame::{
     Channel, Channels, Coding, Frame, PhotoGrid, Plane, RawSites, Rect, Size, Work,
 };
 
-use super::decode::{Limits, Raster, decode};
-use super::dng::Sites;
+use super::decode::{Heading, Limits, Raster, decode, walk};
+use super::dng::RawFile;
 use super::kind::{Content, Format, is_raw_name, misnamed, tiff_of_a_camera};
 use super::metadata::Lost;
 use super::reading::{open, read_bytes};
+use super::tone::StatedColours;
 use super::{
     CameraColours, Flaw, Orientation, PhotoCamera, PictureError, PixelLayout, Tone, exif, shape,
-    tone,
 };
 use crate::config::Curve;
 
@@ -148,52 +148,68 @@ impl Photo {
         let refused = |flaw| PictureError::Refused { name: name.to_owned(), flaw };
         // A maker's raw photo has another sentence than that on its preview's shape.
         let grid = limits.grid.filter(|_| !is_raw_name(name));
-        let raster = decode(bytes, &Limits { grid, ..*limits }).map_err(refused)?;
-        let is_tiff = raster.content == Content::Written(Format::Tiff);
-        if is_tiff && raster.sites.is_none() && is_raw_name(name) {
-            return Err(refused(tiff_of_a_camera()));
-        }
-        let format = match raster.content {
-            Content::Written(format) if raster.sites.is_none() => Some(format),
+        let limits = Limits { grid, ..*limits };
+        let heading = walk(bytes, &limits).map_err(refused)?;
+        let format = match heading.content {
+            Content::Written(format) if heading.raw.is_none() => Some(format),
             _ => None,
         };
         let (crc32, length) = (crc32fast::hash(bytes), bytes.len() as u64);
         let file = FileFacts { crc32, bytes: length, format };
-        let misnamed = misnamed(name, raster.content, raster.sites.is_some());
-        let mut photo = match raster.sites {
-            Some(sites) => Photo::of_sites(name, raster, &sites, curve, file),
-            None => Photo::of_samples(name, raster, curve, file),
+        let misnamed = misnamed(name, heading.content, heading.raw.is_some());
+        let mut photo = match heading {
+            Heading { raw: Some(raw), .. } => Photo::of_raw(name, raw.on(grid), bytes, curve, file),
+            _ if format == Some(Format::Tiff) && is_raw_name(name) => {
+                return Err(refused(tiff_of_a_camera()));
+            }
+            heading => {
+                let raster = heading.decode(bytes, &limits).map_err(refused)?;
+                Photo::of_samples(name, raster, curve, file)
+            }
         };
         photo.notes.extend(misnamed);
         Ok(photo)
     }
 
-    /// The raw photo of `raster`, whose counts `sites` scales.
-    fn of_sites(name: &str, raster: Raster, sites: &Sites, curve: Curve, file: FileFacts) -> Photo {
-        let known = RawSites::new(sites.mosaic, sites.counts_per_level());
-        let raw = RawSites { noise: raster.noise, ..known };
-        let plain = Manner::plain(raster.content.written(), raster.bits, curve);
+    /// The photo of `raw` in `bytes`, a grey one where the sensor has no colour filters.
+    fn of_raw(name: &str, raw: RawFile, bytes: &[u8], curve: Curve, file: FileFacts) -> Photo {
+        let (light, mosaic) = (raw.sites.light(raw.size, &raw.counts(bytes)), raw.sites.mosaic);
+        let sites = mosaic.map(|mosaic| RawSites {
+            noise: raw.noise,
+            ..RawSites::new(mosaic, raw.sites.counts_per_level())
+        });
+        let (light, channels, layout) = match mosaic {
+            Some(mosaic) => (mosaic.interpolated(&light), Channels::Colour, PixelLayout::Rgb),
+            None => {
+                let [red, blue] = [(); 2].map(|()| Plane::zeros(raw.size));
+                let grey = Frame::from_planes([red, light, blue]);
+                (grey, Channels::Green, PixelLayout::Grey)
+            }
+        };
+        let note =
+            "a raw photo of a sensor without colour filters, which is restored as a grey one";
         // Viewers take a picture without a profile for sRGB.
-        let icc = (curve == Curve::Linear).then(tone::linear_profile).flatten();
-        let colours = raster.colours;
+        let linear = || StatedColours::LINEAR.profile(layout.is_grey());
         Photo {
             name: name.to_owned(),
-            light: raw.mosaic.interpolated(&sites.light(raster.size, &raster.samples)),
-            raw: Some(raw),
+            light,
+            raw: sites,
             coding: None,
-            camera: raster.camera,
-            channels: Channels::Colour,
+            camera: raw.camera,
+            channels,
             manner: Manner {
-                orientation: raster.orientation,
-                icc,
-                exif: raster.exif,
-                colours,
-                ..plain
+                layout,
+                orientation: Orientation::from_exif(raw.orientation)
+                    .unwrap_or(Orientation::NoTransforms),
+                icc: (curve == Curve::Linear).then(linear).flatten(),
+                exif: raw.exif,
+                colours: raw.colours,
+                ..Manner::plain(Format::Tiff, 16, curve)
             },
-            stored: raster.size,
+            stored: raw.size,
             file,
-            losses: raster.lost.into_iter().map(Lost::note).collect(),
-            notes: Vec::new(),
+            losses: raw.lost.into_iter().map(Lost::note).collect(),
+            notes: mosaic.is_none().then(|| note.to_owned()).into_iter().collect(),
         }
     }
 

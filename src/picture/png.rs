@@ -48,7 +48,10 @@ pub(super) fn walk(bytes: &[u8]) -> Result<Walked, Flaw> {
             walked.look_up(&CHUNKS, "the PNG's data", name);
         }
         match name {
-            b"IHDR" => walked.size = header(body),
+            b"IHDR" => {
+                let sides = numbers().next().zip(numbers().nth(1));
+                walked.size = sides.map(|(w, h)| Size::new(w as usize, h as usize));
+            }
             b"sRGB" => colours.is_srgb = true,
             b"gAMA" => colours.gamma = numbers().next().filter(|&g| g > 0),
             b"cHRM" => colours.xy = numbers().collect::<Vec<_>>().try_into().ok(),
@@ -145,13 +148,6 @@ fn chunk<'a>(bytes: &'a [u8], at: &mut usize) -> Result<Chunk<'a>, Flaw> {
     }
     *at = bytes.len() - after.len();
     Ok(Chunk { name, body })
-}
-
-fn header(body: &[u8]) -> Option<Size> {
-    let number = |at: usize| {
-        body.get(at..at + 4).map(|b| u32::from_be_bytes([b[0], b[1], b[2], b[3]]) as usize)
-    };
-    Some(Size::new(number(0)?, number(4)?))
 }
 
 /// The flaw of a file that ends inside the chunk at `at`.

@@ -50,8 +50,7 @@ impl ReadOptions {
 
     /// The photo in the plain file `file`, called `name`, on the rig's grid.
     pub fn photo_of_file(&self, name: &str, file: File) -> Result<Photo, PictureError> {
-        let limits = self.limits.on(self.grid);
-        self.finish(Photo::of_file(name, file, self.curve, &limits)?.fit(self.grid)?)
+        self.photo_of_bytes(name, &read_bytes(file, name, &self.limits)?)
     }
 
     /// The photo in `bytes`, called `name`, on the rig's grid.
@@ -139,18 +138,12 @@ pub(super) fn read_bytes(file: File, name: &str, limits: &Limits) -> Result<Vec<
         let found = if about.is_dir() { "a folder" } else { "a pipe or device" };
         return Err(PictureError::not_a_file(name, found));
     }
-    let too_long = |found: u64| {
-        let flaw = Flaw::TooLong { found, allowed: limits.bytes_max };
-        PictureError::Refused { name: name.to_owned(), flaw }
-    };
     if about.len() > limits.bytes_max {
-        return Err(too_long(about.len()));
+        let flaw = Flaw::TooLong { found: about.len(), allowed: limits.bytes_max };
+        return Err(PictureError::Refused { name: name.to_owned(), flaw });
     }
     let mut bytes = Vec::with_capacity(about.len() as usize);
+    // One that has grown meanwhile is too long for the walk over it.
     file.take(limits.bytes_max + 1).read_to_end(&mut bytes).map_err(read)?;
-    if bytes.len() as u64 > limits.bytes_max {
-        Err(too_long(bytes.len() as u64))
-    } else {
-        Ok(bytes)
-    }
+    Ok(bytes)
 }

@@ -104,7 +104,7 @@ const VALUES_MAX: usize = 1 << 20;
 /// [`Flaw::Unsupported`] for a picture that is not read.
 pub(super) fn walk(bytes: &[u8]) -> Result<Walked, Flaw> {
     let file = File::new(bytes);
-    let directory = Directory::read(&file, file.u32(4)? as usize)?;
+    let directory = Directory::first(&file)?;
     let size = directory.size()?;
     if directory.is_of_raw(size) {
         return Err(tiff_of_a_camera());
@@ -171,17 +171,17 @@ impl Directory<'_> {
     /// picture below it, beside a sensor's counts in a maker's packing, or far smaller than the
     /// photo that a camera's own notes describe.
     fn is_of_raw(&self, size: Size) -> bool {
-        let below = |tag| self.numbers(tag).ok().flatten().unwrap_or_default();
+        let places = self.numbers(SUB_DIRECTORIES).ok().flatten().unwrap_or_default();
         let read = |at: usize| Directory::read(self.file, at).ok();
         let is_photo = |below: Directory<'_>| {
             below.size().is_ok_and(|below| below.area() > size.area()) || below.is_packed_by_maker()
         };
         let next = self.next().ok().filter(|&at| at > 0).and_then(read);
-        let inner = below(SUB_DIRECTORIES).into_iter().take(BELOW_MAX).filter_map(read);
+        let inner = places.into_iter().take(BELOW_MAX).filter_map(read);
         self.is_packed_by_maker()
             || next.is_some_and(|next| next.is_packed_by_maker())
             || inner.into_iter().any(is_photo)
-            || below(EXIF_DIRECTORY).first().and_then(|&at| read(at)).is_some_and(|exif| {
+            || self.below(EXIF_DIRECTORY).is_some_and(|exif| {
                 let width = exif.number(PIXEL_WIDTH).ok().flatten().unwrap_or(0);
                 exif.find(MAKER_NOTE).is_some() && width > PREVIEW_TIMES * size.width
             })
@@ -194,9 +194,7 @@ impl Directory<'_> {
 
     /// Whether a camera maker's notes stand beside the EXIF data.
     pub(super) fn has_maker_notes(&self) -> bool {
-        let exif = self.number(EXIF_DIRECTORY).ok().flatten();
-        let exif = exif.and_then(|at| Directory::read(self.file, at).ok());
-        exif.is_some_and(|exif| exif.find(MAKER_NOTE).is_some())
+        self.below(EXIF_DIRECTORY).is_some_and(|exif| exif.find(MAKER_NOTE).is_some())
     }
 
     /// The colours that the directory states of a picture, if any (TIFF 6.0, §20).

@@ -25,6 +25,9 @@ pub(super) enum StatedColours {
 }
 
 impl StatedColours {
+    /// sRGB's primaries with a linear curve.
+    pub(super) const LINEAR: StatedColours = StatedColours::Measured { gamma: Some(1.0), xy: None };
+
     /// Adobe RGB (1998), §4.3.
     pub(super) const ADOBE: StatedColours = StatedColours::Measured {
         gamma: Some(2.199_218_75),
@@ -194,15 +197,6 @@ impl Tone {
     }
 }
 
-/// The ICC profile of sRGB's primaries with a linear curve.
-pub(super) fn linear_profile() -> Option<Vec<u8>> {
-    let mut profile = ColorProfile::new_srgb();
-    let straight = curve_from_gamma(1.0);
-    (profile.red_trc, profile.green_trc, profile.blue_trc) =
-        (Some(straight.clone()), Some(straight.clone()), Some(straight));
-    profile.encode().ok()
-}
-
 fn table(bits: u8, light: impl Fn(f64) -> f64) -> Vec<f32> {
     let top = if bits > 8 { 65535 } else { 255 };
     (0..=top)
@@ -248,8 +242,7 @@ mod tests {
         };
         let code = 128.0f64 / 255.0;
         for grey in [false, true] {
-            let linear = StatedColours::Measured { gamma: Some(1.0), xy: None };
-            assert!((half(&linear, grey).0 - code).abs() < 1e-3, "{grey}");
+            assert!((half(&StatedColours::LINEAR, grey).0 - code).abs() < 1e-3, "{grey}");
         }
         let (light, profile) = half(&StatedColours::ADOBE, false);
         assert!((light - code.powf(2.199)).abs() < 1e-3, "{light}");

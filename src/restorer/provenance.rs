@@ -39,7 +39,8 @@ pub(super) fn other_camera(
     (allowed != Some(raw.mosaic)).then(|| {
         let none = "developed photos, for the rig's camera has no raw sites";
         Flaw::OtherCamera(format!(
-            "is of another sensor: found colour filters {}, allowed {}",
+            "is of another sensor: found colour filters {}, allowed {}; develop it and save it as \
+             TIFF of 16 bits",
             raw.mosaic.name(),
             allowed.map_or(none, Mosaic::name)
         ))

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::config::Curve;
-use crate::frame::{Channel, Frame, Work};
+use crate::frame::{Channel, Channels, Frame, Work};
 use crate::picture::tiff::LETTERS_MAX;
 use crate::picture::{Format, Growth, Limits, Photo, PictureError};
 
@@ -61,6 +61,16 @@ fn renamed(tag: u16, to: u16) -> Vec<u8> {
     let mut bytes = file(Mosaic::Rggb);
     let at = entry(&bytes, tag);
     bytes[at..at + 2].copy_from_slice(&to.to_le_bytes());
+    bytes
+}
+
+/// The file without its filters' pattern, of `samples` a pixel with this [`PHOTOMETRIC`].
+fn of_no_filters(photometric: usize, samples: u16) -> Vec<u8> {
+    let mut bytes = renamed(CFA_PATTERN, 40000);
+    for (tag, value) in [(PHOTOMETRIC, photometric as u16), (SAMPLES_PER_PIXEL, samples)] {
+        let at = entry(&bytes, tag);
+        bytes[at + 8..at + 10].copy_from_slice(&value.to_le_bytes());
+    }
     bytes
 }
 
@@ -229,8 +239,10 @@ fn the_sites_are_read_and_never_the_preview() {
     assert_eq!(photo.turned(), Some(6), "by the first directory");
     let packed = behind_a_preview(&with(COMPRESSION, 3, 1, [7, 0, 0, 0]));
     assert!(words(&packed).contains("compressed counts (compression 7)"), "{}", words(&packed));
-    let without = behind_a_preview(&with(PHOTOMETRIC, 3, 1, [1, 0, 0, 0]));
-    assert!(words(&without).contains("a monochrome sensor"), "{}", words(&without));
+    let grey = read(&behind_a_preview(&of_no_filters(BLACK_IS_ZERO, 1))).unwrap();
+    assert_eq!((grey.light.size(), grey.channels), (SIZE, Channels::Green));
+    let without = behind_a_preview(&of_no_filters(5, 1));
+    assert!(words(&without).contains("no picture of a sensor's sites"), "{}", words(&without));
     // TIFF/EP states no DNG version, and its sites may still be missing.
     let mut lost = behind_a_preview(&file(Mosaic::Rggb));
     let (version, below) = (entry(&lost, DNG_VERSION), entry(&lost, SUB_DIRECTORIES));
@@ -255,7 +267,7 @@ fn other_varieties_are_refused_by_name() {
         (with(BITS_PER_SAMPLE, 3, 1, [24, 0, 0, 0]), "bits a sample 24"),
         (with(SAMPLES_PER_PIXEL, 3, 1, [3, 0, 0, 0]), "samples a pixel 3"),
         (with(CFA_LAYOUT, 3, 1, [2, 0, 0, 0]), "layout of the colour filters 2"),
-        (with(PHOTOMETRIC, 3, 1, [0x4c, 0x88, 0, 0]), "linear DNG"),
+        (of_no_filters(LINEAR_RAW, 3), "linear DNG"),
         (renamed(EXPOSURE, LINEARIZATION), "a table"),
         (renamed(EXPOSURE, BLACK_DOWN), "each row"),
         (renamed(CFA_PATTERN, 40000), "found no colour filters"),
@@ -294,6 +306,64 @@ fn other_varieties_are_refused_by_name() {
     assert!(large.to_string().contains("42×30"), "{large}");
     let other = read(&file(Mosaic::Rggb)).unwrap().fit(Size::new(21, 15)).unwrap_err().to_string();
     assert!(other.contains("found 42×30 sites, allowed the rig's whole sensor"), "{other}");
+}
+
+#[test]
+fn a_sensor_without_filters_gives_a_grey_photo() {
+    let light = sites().map(|count| (f32::from(count) - 64.25) / (1023.0 - 64.25) * 255.0);
+    for photometric in [BLACK_IS_ZERO, LINEAR_RAW] {
+        let bytes = of_no_filters(photometric, 1);
+        for curve in [Curve::Linear, Curve::Srgb] {
+            let read = |bytes: &[u8]| {
+                Photo::from_bytes("a.dng", bytes, curve, &Limits::default()).unwrap()
+            };
+            let photo = read(&bytes);
+            assert_eq!((photo.raw, photo.channels), (None, Channels::Green));
+            assert!(photo.notes[0].contains("without colour filters"), "{:?}", photo.notes);
+            let close = |found: &Plane, apart: f32| {
+                let pairs = found.data().iter().zip(light.data());
+                pairs.into_iter().all(|(a, b)| (a - b.max(0.0)).abs() < apart)
+            };
+            assert!(close(&photo.light.plane(Channel::Green).map(|v: f32| v.max(0.0)), 1e-3));
+            // The result has its own curve's profile, and is resampled as any grey photo.
+            let back = read(&photo.with_picture(&photo.light, Format::Tiff).unwrap());
+            assert_eq!((back.channels, back.manner.bits), (Channels::Green, 16));
+            assert!(close(back.light.plane(Channel::Green), 0.05), "{curve:?}");
+            assert!(photo.fit(Size::new(21, 15)).is_ok());
+        }
+        // A pattern of filters counts more than the word for grey.
+        let mut filtered = file(Mosaic::Rggb);
+        let at = entry(&filtered, PHOTOMETRIC);
+        filtered[at + 8..at + 10].copy_from_slice(&(photometric as u16).to_le_bytes());
+        assert!(read(&filtered).unwrap().raw.is_some());
+    }
+}
+
+#[test]
+fn a_proposed_cut_of_the_rig_s_size_is_taken() {
+    let (sites, rect) = (sites(), Rect { x: 3, y: 5, size: Size::new(32, 24) });
+    let (mosaic, black, white, camera) = (Mosaic::Rggb, 64.0, 1023, "a rig");
+    let (exposure_s, tags) = (None, RawTags::default());
+    let raw =
+        Dng { sites: &sites, mosaic, black, white, camera, exposure_s, crop: Some(rect), tags };
+    let on = |grid: PhotoGrid| {
+        let limits = Limits::default().on(grid);
+        Photo::from_bytes("a.dng", &raw.bytes(), Curve::Srgb, &limits).unwrap().fit(grid)
+    };
+    let light = sites.map(|count| (f32::from(count) - 64.0) / (1023.0 - 64.0) * 255.0).crop(rect);
+    let photo = on(rect.size.into()).unwrap();
+    let raw = photo.raw.unwrap();
+    assert_eq!(raw.mosaic, Mosaic::Rggb.from_place(3, 5));
+    let wanted: Frame<Work> = raw.mosaic.interpolated(&light);
+    for c in Channel::ALL {
+        let pairs = photo.light.plane(c).data().iter().zip(wanted.plane(c).data());
+        assert!(pairs.into_iter().all(|(a, b)| (a - b).abs() < 1e-3), "{c:?}");
+    }
+    // The rig's own place on the sensor counts more.
+    let rig = PhotoGrid { sensor: SIZE, photo: Rect { x: 2, y: 2, size: Size::new(20, 20) } };
+    assert_eq!(on(rig).unwrap().raw.unwrap().mosaic, Mosaic::Rggb);
+    let other = on(Size::new(20, 20).into()).unwrap_err().to_string();
+    assert!(other.contains("found 42×30 sites") && other.contains("TIFF of 16 bits"), "{other}");
 }
 
 #[test]
@@ -361,7 +431,7 @@ fn hostile_bytes_give_a_flaw_or_a_photo() {
             Ok(photo) => {
                 photos += 1;
                 let finite = |plane: &Plane| plane.data().iter().all(|v| v.is_finite());
-                assert!(photo.raw.is_some() && photo.light.planes().iter().all(finite));
+                assert!(photo.light.planes().iter().all(finite));
             }
             Err(error) => assert!(error.to_string().contains("allowed"), "{error}"),
         }

@@ -7,7 +7,7 @@
 use super::super::Flaw;
 use super::huffman::{Bits, HuffmanCodes};
 use super::scan::{Running, Scan, Tables, ZIGZAG};
-use super::{SCAN, Segment, Segments, damaged};
+use super::{FrameHeader, SCAN, Segment, Segments, damaged, frame_header};
 use crate::frame::{BLOCK_AREA, BLOCK_PX, CodedComponent, Coding, Size};
 
 /// Most scans of one picture. Guess: progressive coders write ten.
@@ -69,6 +69,12 @@ pub(in crate::picture) fn coefficients(bytes: &[u8]) -> Result<Option<Coding>, F
     Err(damaged(&found, "codes for the whole picture"))
 }
 
+/// As [`coefficients`] of a JPEG with long runs of zeros, which only a picture that is decoded to
+/// its last block holds; `None` where they are a hole.
+pub(in crate::picture) fn coefficients_with_zeros(bytes: &[u8]) -> Option<Option<Coding>> {
+    read(bytes).ok().filter(|file| file.fills_scans).map(coding_of)
+}
+
 fn coding_of(file: CodedFile) -> Option<Coding> {
     let CodedFile { is_rgb, frame, .. } = file;
     let CodedFrame { size, components, heads, .. } = frame?;
@@ -80,12 +86,6 @@ fn coding_of(file: CodedFile) -> Option<Coding> {
     }
     let coding = Coding { size, components };
     coding.is_whole().then_some(coding)
-}
-
-/// Whether each scan of the JPEG `bytes` decodes to all of its blocks and ends where its data end.
-/// Zeros in place of data decode to another number of blocks.
-pub(in crate::picture) fn decodes_in_full(bytes: &[u8]) -> bool {
-    read(bytes).is_ok_and(|state| state.fills_scans)
 }
 
 /// The JPEG `bytes` decoded.
@@ -133,15 +133,15 @@ fn u16_at(bytes: &[u8], at: usize) -> Option<u16> {
 
 /// The picture of a frame header, all coefficients zero (T.81, B.2.2).
 fn frame_of(body: &[u8], progressive: bool) -> Option<CodedFrame> {
-    let size = Size::new(u16_at(body, 3)?.into(), u16_at(body, 1)?.into());
-    let count = usize::from(*body.get(5)?);
+    let FrameHeader { size, components } = frame_header(body).ok()?;
+    let count = usize::from(components);
     let head = |c: &[u8]| {
         let sampling = (c[1] >> 4, c[1] & 15);
         ComponentHeader { identifier: c[0], sampling, steps: usize::from(c[2]) }
     };
     let heads: Vec<_> = body.get(6..)?.chunks_exact(3).map(head).collect();
     let few = (1..=4).contains(&count) && heads.len() == count;
-    if body.first() != Some(&8) || !few || !(1..=AREA_MAX).contains(&size.area()) {
+    if !few || size.area() > AREA_MAX {
         return None;
     }
     let densest = if count == 1 { (1, 1) } else { heads[0].sampling };

@@ -26,6 +26,16 @@ impl<'a> Directory<'a> {
         Ok(Directory { file, at, entries })
     }
 
+    /// The first directory of `file`.
+    pub(in crate::picture) fn first(file: &'a File<'a>) -> Result<Directory<'a>, Flaw> {
+        Directory::read(file, file.u32(4)? as usize)
+    }
+
+    /// The directory whose place is in the field `tag`, if it can be read.
+    pub(in crate::picture) fn below(&self, tag: u16) -> Option<Directory<'a>> {
+        Directory::read(self.file, self.number(tag).ok()??).ok()
+    }
+
     /// Where the place of the next directory is stated.
     pub(in crate::picture) fn next_field(&self) -> usize {
         self.at + 2 + 12 * self.entries.len()
@@ -85,7 +95,7 @@ impl<'a> Directory<'a> {
 /// The samples of the first picture in words, for a decoder that does not read them.
 pub(in crate::picture) fn samples_of(bytes: &[u8]) -> Option<String> {
     let file = File::new(bytes);
-    let directory = Directory::read(&file, file.u32(4).ok()? as usize).ok()?;
+    let directory = Directory::first(&file).ok()?;
     let number = |tag| directory.number(tag).ok().flatten().unwrap_or(1);
     let kind = match number(SAMPLE_FORMAT) {
         2 => "signed numbers",
