@@ -182,7 +182,11 @@ impl Job<'_> {
         let folders = self.folders;
         let mut photo = match Claimed::at(folders, path) {
             // Removed by its owner.
-            Err(error) if error.kind() == ErrorKind::NotFound => return Ok(JobEnd::Gone),
+            Err(error) if error.kind() == ErrorKind::NotFound => {
+                // Or `working` went away.
+                folders.files.sync_folder(&folders.working)?;
+                return Ok(JobEnd::Gone);
+            }
             claimed => claimed?,
         };
         let result = self.attempt(&mut photo);

@@ -35,7 +35,7 @@ const STEP_S: f64 = 0.2;
 /// Interval between two writes of a photo's progress: a small file, not synchronised.
 const PROGRESS_S: f64 = 1.0;
 
-/// Interval between two checks for a missing inbox.
+/// Interval between two checks for missing folders.
 const MISSING_POLL_S: f64 = 2.0;
 
 /// Time without a change after which an incomplete photo is reported. Guess.
@@ -133,6 +133,10 @@ impl<'a> Daemon<'a> {
         self.try_to_show_gallery();
         while !stop() {
             let passed = self.pass(patience, self.setting.retry_s, stop);
+            // One sentence, whichever operation met a missing folder.
+            let away = passed.as_ref().err().and_then(|_| self.folders.check_space(0).err());
+            let held_s = if away.is_some() { MISSING_POLL_S } else { self.setting.retry_s };
+            let passed = passed.map_err(|error| away.map_or(error, DaemonError::from));
             if stop() && passed.as_ref().is_err_and(|error| error.was_asked_for()) {
                 break;
             }
@@ -166,8 +170,7 @@ impl<'a> Daemon<'a> {
                         log::warn!("held: {reason}");
                         self.set_doing(Doing::Held { reason: reason.clone() });
                     }
-                    let inbox = self.folders.files.metadata(&self.folders.inbox);
-                    (reason, if inbox.is_err() { MISSING_POLL_S } else { self.setting.retry_s })
+                    (reason, held_s)
                 }
             };
             held = Some(reason);
@@ -251,13 +254,14 @@ impl<'a> Daemon<'a> {
                     self.inbox.count_turn();
                     continue;
                 }
+                Err(unread) if unread.is_of_disk() => return Err(unread.into()),
                 Err(unread) => {
                     self.inbox.count_turn();
                     self.defer(path, unread.message_for_owner(), retry_s);
                     continue;
                 }
             }
-            self.folders.check_free_space(self.setting.floor_bytes)?;
+            self.folders.check_space(self.setting.floor_bytes)?;
             match self.ask(waiting + 1 - taken, true)? {
                 Turn::Go => {}
                 Turn::Again(photos) => {

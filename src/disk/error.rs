@@ -4,12 +4,25 @@ use std::io::{self, ErrorKind};
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 
+use rustix::io::Errno;
+
 use crate::remedy::{Remediable, Remedy};
 
 /// "Operation not permitted" (errno(3)): not a matter of mode bits.
-const EPERM: i32 = rustix::io::Errno::PERM.raw_os_error();
+const EPERM: i32 = Errno::PERM.raw_os_error();
 /// Mode bit of folders in which only the owner may move a file (chmod(1)).
 const STICKY: u32 = 0o1000;
+/// What a disk or network share that went away gives (errno(3)).
+const GONE: [Errno; 8] = [
+    Errno::NODEV,
+    Errno::NXIO,
+    Errno::STALE,
+    Errno::NOTCONN,
+    Errno::TIMEDOUT,
+    Errno::HOSTDOWN,
+    Errno::HOSTUNREACH,
+    Errno::NETUNREACH,
+];
 
 /// A failed file operation.
 #[derive(Debug, thiserror::Error)]
@@ -40,7 +53,9 @@ impl FileError {
     /// Whether the whole disk is affected, and so every photo.
     pub fn is_of_disk(&self) -> bool {
         use ErrorKind::{QuotaExceeded, ReadOnlyFilesystem, StorageFull};
+        let is_gone = |errno: &Errno| self.source.raw_os_error() == Some(errno.raw_os_error());
         matches!(self.kind(), StorageFull | QuotaExceeded | ReadOnlyFilesystem)
+            || GONE.iter().any(is_gone)
     }
 
     /// Replaces the path by that where the file is now.

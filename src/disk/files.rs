@@ -96,7 +96,7 @@ impl Files {
 
     /// Free bytes on the disk of `folder`.
     pub fn free_bytes(&self, folder: &Path) -> Result<u64, FileError> {
-        self.0.free_bytes(folder).map_err(FileError::at("query the free space of", folder))
+        self.0.free_bytes(folder).map_err(FileError::at("work in", folder))
     }
 
     /// Makes the folder, unless it exists.
@@ -189,20 +189,20 @@ impl Files {
         name: &OsStr,
         content: &mut dyn Read,
     ) -> Result<(), FileError> {
-        let temporary = self.write_temporary(folder, content, Unsynced::sync)?;
         let path = folder.join(name);
+        let temporary = self.write_temporary(&path, content, Unsynced::sync)?;
         self.0.rename_new(&temporary, &path).map_err(|error| {
             let _ = self.0.remove(&temporary);
             FileError::at("write", &path)(error)
         })?;
-        self.sync_folder(folder)
+        // Left there, it would be a second copy beside that of the next attempt.
+        self.sync_folder(folder).inspect_err(|_| drop(self.0.remove(&path)))
     }
 
     /// Replaces `folder/name` by `bytes`, atomically. Until the folder is synchronised, a power cut
     /// may restore the previous file.
     pub fn replace(&self, folder: &Path, name: &OsStr, bytes: &[u8]) -> Result<(), FileError> {
-        let temporary = self.write_temporary(folder, &mut &*bytes, Unsynced::sync)?;
-        self.rename_over(&temporary, &folder.join(name))
+        self.replace_by(&folder.join(name), bytes, Unsynced::sync)
     }
 
     /// Replaces `folder/name` by `bytes`, atomically and durably.
@@ -224,8 +224,7 @@ impl Files {
         name: &OsStr,
         bytes: &[u8],
     ) -> Result<(), FileError> {
-        let temporary = self.write_temporary(folder, &mut &*bytes, |_| Ok(()))?;
-        self.rename_over(&temporary, &folder.join(name))
+        self.replace_by(&folder.join(name), bytes, |_| Ok(()))
     }
 
     /// Moves `from` to `folder/name`, numbered when that exists, and returns the new path. The move
@@ -291,23 +290,30 @@ impl Files {
         Ok(())
     }
 
+    /// Writes a temporary file beside `path`, which errors name: its own name is another each time.
     fn write_temporary(
         &self,
-        folder: &Path,
+        path: &Path,
         content: &mut dyn Read,
         sync: impl FnOnce(Box<dyn Unsynced>) -> io::Result<()>,
     ) -> Result<PathBuf, FileError> {
-        let path = temporary_in(folder);
-        self.0.write(&path, content).and_then(sync).map_err(|error| {
-            let _ = self.0.remove(&path);
-            FileError::at("write", &path)(error)
+        let temporary = temporary_in(path.parent().unwrap_or(Path::new("")));
+        self.0.write(&temporary, content).and_then(sync).map_err(|error| {
+            let _ = self.0.remove(&temporary);
+            FileError::at("write", path)(error)
         })?;
-        Ok(path)
+        Ok(temporary)
     }
 
-    fn rename_over(&self, temporary: &Path, path: &Path) -> Result<(), FileError> {
-        self.0.rename(temporary, path).map_err(|error| {
-            let _ = self.0.remove(temporary);
+    fn replace_by(
+        &self,
+        path: &Path,
+        bytes: &[u8],
+        sync: impl FnOnce(Box<dyn Unsynced>) -> io::Result<()>,
+    ) -> Result<(), FileError> {
+        let temporary = self.write_temporary(path, &mut &*bytes, sync)?;
+        self.0.rename(&temporary, path).map_err(|error| {
+            let _ = self.0.remove(&temporary);
             FileError::at("write", path)(error)
         })
     }

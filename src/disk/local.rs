@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 
 use rustix::fs::{
     AtFlags, CWD, Dir, FileType, Mode, OFlags, RenameFlags, ResolveFlags, Stat, fstat, fstatvfs,
-    linkat, mkdirat, openat, openat2, renameat, renameat_with, statat, statvfs, unlinkat,
+    linkat, mkdirat, openat, openat2, renameat, renameat_with, statat, unlinkat,
 };
 use rustix::io::Errno;
 
@@ -21,6 +21,10 @@ use super::{Disk, FileKind, Metadata, Unsynced};
 
 /// Attempts of an openat2 disturbed by a rename (EAGAIN). Guess.
 const TRIES_MAX: usize = 16;
+
+/// Fewest free inodes that count as room: a photo's result takes eight, and a photo that is taken
+/// without room for them is restored in vain. Guess.
+const INODES_MIN: u64 = 32;
 
 /// The disk beneath a few anchor folders.
 #[derive(Debug, Clone)]
@@ -85,6 +89,15 @@ impl LocalDisk {
             _ => Err(io::ErrorKind::InvalidInput.into()),
         }
     }
+}
+
+/// The error of a disk with room for bytes and hardly any for names.
+fn no_inodes(found: u64) -> io::Error {
+    let words = format!(
+        "the disk has room for bytes but not for more files: found {found} free inodes, allowed \
+         {INODES_MIN} or more; remove some files"
+    );
+    io::Error::new(io::ErrorKind::StorageFull, words)
 }
 
 /// The number of the disk that `path` lies on.
@@ -216,7 +229,11 @@ impl Disk for LocalDisk {
     }
 
     fn free_bytes(&self, folder: &Path) -> io::Result<u64> {
-        let about = statvfs(folder)?;
+        let about = fstatvfs(self.folder(folder)?)?;
+        // Some file systems count no inodes, and state 0 of 0.
+        if about.f_files > 0 && about.f_favail < INODES_MIN {
+            return Err(no_inodes(about.f_favail));
+        }
         Ok(about.f_bavail.saturating_mul(about.f_frsize))
     }
 
@@ -238,10 +255,7 @@ impl Disk for LocalDisk {
             OFlags::WRONLY | OFlags::CREATE | OFlags::TRUNC | OFlags::NOFOLLOW | OFlags::CLOEXEC;
         let file = openat(&folder, name, flags, Mode::from_raw_mode(0o666));
         let mut file = File::from(file.map_err(|errno| match fstatvfs(&folder) {
-            Ok(disk) if errno == Errno::NOSPC && disk.f_bavail > 0 && disk.f_favail == 0 => {
-                let words = "the disk has room but no inodes for more files: remove some files";
-                io::Error::new(io::ErrorKind::StorageFull, words)
-            }
+            Ok(disk) if errno == Errno::NOSPC && disk.f_bavail > 0 => no_inodes(disk.f_favail),
             _ => errno.into(),
         })?);
         io::copy(content, &mut file)?;

@@ -85,6 +85,10 @@ pub trait Disk: Send + Sync {
     fn open(&self, path: &Path) -> io::Result<File>;
 
     /// Free bytes on the disk of `folder`.
+    ///
+    /// # Errors
+    /// `NotFound`; `StorageFull` for a disk with room for bytes but not for files; any error of the
+    /// disk.
     fn free_bytes(&self, folder: &Path) -> io::Result<u64>;
 
     /// Makes the folder, unless it exists.

@@ -12,6 +12,7 @@ mod files;
 mod hostile;
 mod model_disk;
 mod neighbours_of_bad;
+mod places;
 mod power;
 mod power_checks;
 mod readiness;

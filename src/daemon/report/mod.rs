@@ -129,7 +129,8 @@ impl Reporter {
             && self.is_due(snapshot.moment)
             && let Err(error) = self.write_gallery(folders, snapshot)
         {
-            log::warn!("{}", full_message(&error));
+            // The next photo is held for it.
+            log::debug!("{}", full_message(&error));
         }
     }
 

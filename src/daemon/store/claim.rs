@@ -47,7 +47,10 @@ pub(crate) fn claim(folders: &Folders, path: &Path) -> Result<Claim, FileError> 
     let flat = path.iter().collect::<Vec<&OsStr>>().join(OsStr::new("-"));
     let from = folders.inbox.join(path);
     match folders.files.move_to_own(&from, &folders.working, &flat) {
-        Err(error) if error.kind() == ErrorKind::NotFound => Ok(Claim::Gone),
+        // Not when `working` is missing.
+        Err(error) if error.kind() == ErrorKind::NotFound && !folders.files.exists(&from)? => {
+            Ok(Claim::Gone)
+        }
         Err(error) if error.is_about(&from) && !error.is_of_disk() => Ok(Claim::Refused(error)),
         moved => moved.map(Claim::Path),
     }

@@ -1,6 +1,7 @@
 //! Paths of the five folders under one root.
 
 use std::fs::File;
+use std::io::ErrorKind::{StorageFull, Unsupported};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -63,18 +64,23 @@ impl Folders {
         self.outbox.join("withdrawn")
     }
 
-    /// Checks that the disk of the results has at least `floor_bytes` free; passes where the free
-    /// space is unknown.
-    pub(crate) fn check_free_space(&self, floor_bytes: u64) -> Result<(), FolderError> {
+    /// Checks that all folders are there, those of a photo's way with room for files and at least
+    /// `floor_bytes` each; passes where the free space is unknown.
+    pub(crate) fn check_space(&self, floor_bytes: u64) -> Result<(), FolderError> {
         const MIB: u64 = 1 << 20;
-        for folder in [&self.outbox, &self.working] {
-            match self.files.free_bytes(folder) {
+        let Folders { files, inbox, working, outbox, done, failed, .. } = self;
+        match files.free_bytes(inbox) {
+            Err(error) if !matches!(error.kind(), Unsupported | StorageFull) => Err(error)?,
+            _ => {}
+        }
+        for path in [outbox, working, done, failed] {
+            match files.free_bytes(path) {
                 Ok(free) if free < floor_bytes => {
                     let (found_mib, floor_mib) = (free / MIB, floor_bytes.div_ceil(MIB));
-                    return Err(FolderError::Full { path: folder.clone(), found_mib, floor_mib });
+                    return Err(FolderError::Full { path: path.clone(), found_mib, floor_mib });
                 }
-                Ok(_) => {}
-                Err(error) => log::debug!("{error}"),
+                Err(error) if error.kind() != Unsupported => return Err(error.into()),
+                _ => {}
             }
         }
         Ok(())

@@ -308,7 +308,7 @@ fn collect(
 ) -> Result<(), FileError> {
     let folder = if depth == 0 { inbox.to_owned() } else { inbox.join(path) };
     let listed = match files.list(&folder) {
-        Err(error) if depth > 0 => {
+        Err(error) if depth > 0 && !error.is_of_disk() => {
             // Otherwise removed, or replaced by a link, since it was listed.
             if error.kind() == ErrorKind::PermissionDenied {
                 scan.deferred.insert(path.to_owned(), error.message_for_owner());
@@ -334,6 +334,7 @@ fn collect(
             Ok(metadata) if metadata.kind != FileKind::Folder => scan.found.push((path, metadata)),
             Ok(_) => {}
             Err(error) if error.kind() == ErrorKind::NotFound => {}
+            Err(error) if error.is_of_disk() => return Err(error),
             Err(error) => {
                 scan.deferred.insert(path, error.message_for_owner());
             }

@@ -69,7 +69,9 @@ pub(crate) fn settle(
     let (files, path) = (&folders.files, folders.working.join(name));
     let metadata = match files.metadata(&path) {
         Err(error) if error.kind() == ErrorKind::NotFound => {
-            // Moved already but not synchronised. Its record is removed at the next start.
+            // Moved already but not synchronised, unless `working` itself is missing. Its record
+            // is removed at the next start.
+            files.sync_folder(&folders.working)?;
             files.sync_folder(&folders.done)?;
             files.sync_folder(&folders.failed)?;
             return Ok(None);

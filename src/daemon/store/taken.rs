@@ -23,15 +23,7 @@ pub(crate) fn keep(
         match files.write_new(inbox, &name, &mut &*photo.bytes) {
             // The name was taken since the check.
             Err(error) if error.kind() == std::io::ErrorKind::AlreadyExists => {}
-            Ok(()) => return Ok(name.to_string_lossy().into_owned()),
-            Err(error) => {
-                // Present but not synchronised: the next attempt would add a second copy.
-                let (path, length) = (inbox.join(&name), photo.bytes.len() as u64);
-                if files.read(&path, length + 1)?.is_some_and(|found| found == photo.bytes) {
-                    files.remove(&path)?;
-                }
-                return Err(error);
-            }
+            written => return written.map(|()| name.to_string_lossy().into_owned()),
         }
     }
 }
