@@ -95,8 +95,11 @@ fn words(state: &State, running: bool, is_there: bool, now_unix_s: u64) -> Strin
         }
     };
     let gone = if is_there || doing.ends_with(GONE) { String::new() } else { format!("\n{GONE}") };
-    let ago = now_unix_s.saturating_sub(state.written_unix_s);
-    format!("{doing}{gone}\nrig {}; {}; written {} ago", state.rig, state.counts, duration(ago))
+    let written = match now_unix_s.checked_sub(state.written_unix_s) {
+        Some(ago) => format!("{} ago", duration(ago)),
+        None => "before the box's clock was set back".to_owned(),
+    };
+    format!("{doing}{gone}\nrig {}; {}; written {written}", state.rig, state.counts)
 }
 
 fn duration(seconds: u64) -> String {
@@ -129,6 +132,10 @@ mod tests {
                 && words(&state, true, true, 160).contains("60 s ago")
         );
         assert!(words(&state, false, true, 160).contains("did not end in good order"));
+        let year_s = 366 * 86_400;
+        assert!(words(&state, true, true, 100 + year_s).ends_with("written 366 days ago"));
+        let set_back = words(&state, true, true, 40);
+        assert!(set_back.ends_with("written before the box's clock was set back"), "{set_back}");
         let gone = words(&state, true, false, 160);
         assert!(gone.starts_with("needs help: its inbox is missing"), "{gone}");
         assert!(!gone.contains("waiting for photos"), "{gone}");

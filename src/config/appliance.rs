@@ -65,7 +65,7 @@ words! {
     pub enum ClockSource {
         /// The network, as the kernel reports: for boards without a battery clock.
         Network = "network",
-        /// A battery clock; times before one already seen are rejected.
+        /// A battery clock; times before one already seen are rejected, unless by network.
         Battery = "battery",
     }
 }

@@ -25,7 +25,7 @@ use crate::rig::{Clock, Moment};
 const TRIES_MAX: u32 = 3;
 
 /// A damaged file that changed within this many seconds is checked for growth. Guess.
-const RECENT_S: i64 = 10;
+const RECENT_S: u64 = 10;
 
 /// Duration of the check for growth.
 const GROWTH_WATCH_S: f64 = 1.0;
@@ -130,6 +130,8 @@ pub(super) struct Job<'a> {
     pub(super) clock: &'a dyn Clock,
     /// The calendar, seconds since 1970.
     pub(super) unix_s: &'a dyn Fn() -> u64,
+    /// Number of its report.
+    pub(super) number: u64,
     pub(super) watcher: &'a mut dyn Watcher,
     /// Receives the progress of the restoration.
     pub(super) on_progress: &'a mut dyn FnMut(Progress),
@@ -265,6 +267,7 @@ impl Job<'_> {
             encoded: &Encoded::of(&read, &outcome)?,
             rig: &self.setting.rig,
             finished_unix_s: (self.unix_s)(),
+            number: self.number,
         };
         Ok(delivery.deliver(photo, &mut |step| self.watcher.step(step))?)
     }
@@ -282,7 +285,9 @@ impl Job<'_> {
         };
         // An older file was watched before: checking hundreds of damaged photos would delay others.
         let now = (self.unix_s)() as i64;
-        let is_recent = before.is_none_or(|metadata| now - metadata.changed.0 < RECENT_S);
+        // By calendars that were set, it may lie in the future.
+        let is_recent = |metadata: Metadata| now.abs_diff(metadata.changed.0) < RECENT_S;
+        let is_recent = before.is_none_or(is_recent);
         let may_grow = error.growth() != Growth::None && is_recent;
         if may_grow && !matches!(error, PictureError::Died { .. }) {
             self.clock.wait_until(Moment(self.clock.now().0 + GROWTH_WATCH_S));

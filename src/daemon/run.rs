@@ -339,6 +339,7 @@ impl<'a> Daemon<'a> {
         self.schedule.notify(Event::Begun { photo, number, of }, &mut *self.restorer);
         let (begun, usual_s) = (self.clocks.moment(), self.reporter.gallery.usual_s());
         let (mut written, snapshot) = (begun, self.snapshot());
+        let report_number = self.reporter.gallery.next_number();
         let mut on_progress = |progress: Progress| {
             let (moment, unix_s) = (self.clocks.moment(), self.clocks.unix_s());
             if moment.0 - written.0 < PROGRESS_S {
@@ -359,6 +360,7 @@ impl<'a> Daemon<'a> {
             restorer: &mut *self.restorer,
             clock: self.clocks.clock,
             unix_s: &|| self.clocks.unix_s(),
+            number: report_number,
             watcher: &mut *self.watcher,
             unsettled: &mut self.unsettled,
         };

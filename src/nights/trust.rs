@@ -48,7 +48,7 @@ impl Calendar {
         let jumped_s = jumped_s.filter(|jump| jump.abs() > JUMP_S);
         self.floor_unix_s = match self.source {
             // Trusted even when the network sets it back: then the floor was wrong.
-            ClockSource::Network if set => unix_s,
+            _ if set => unix_s,
             ClockSource::Network => return Trust::NotSet,
             ClockSource::Battery if unix_s + JUMP_S < self.floor_unix_s => return Trust::Past,
             ClockSource::Battery => self.floor_unix_s.max(unix_s),
@@ -77,6 +77,14 @@ mod tests {
         assert_eq!(calendar.judge(10.0, 0.0, false), Trust::Past);
         assert_eq!(calendar.judge(1e6 + 5.0, 1.0, false), Trust::Trusted(Some(1e6 - 6.0)));
         assert_eq!(calendar.judge(1e6 - 90_000.0, 2.0, false), Trust::Past);
+        let year_s = 366.0 * 86_400.0;
+        assert_eq!(
+            calendar.judge(1e6 + year_s, 2.0, false),
+            Trust::Trusted(Some(year_s + 90_000.0))
+        );
+        assert_eq!(calendar.judge(1e6, 2.0, false), Trust::Past);
+        assert_eq!(calendar.judge(1e6, 2.0, true), Trust::Trusted(None), "the network has set it");
+        assert_eq!(calendar.judge(1e6, 2.0, false), Trust::Trusted(None));
     }
 
     #[test]

@@ -7,6 +7,7 @@
 
 mod attended;
 mod bed;
+mod clocks;
 mod faults;
 mod files;
 mod hostile;

@@ -88,6 +88,11 @@ impl Gallery {
         self.reports.push(report);
     }
 
+    /// The number of the next report.
+    pub(crate) fn next_number(&self) -> u64 {
+        self.reports.iter().map(|report| report.number).max().unwrap_or(0) + 1
+    }
+
     pub(crate) fn remove(&mut self, result: &str) {
         self.reports.retain(|report| report.result != result);
     }
@@ -151,8 +156,8 @@ impl Gallery {
     ) -> Result<(), FileError> {
         let (files, outbox, previews) = (&folders.files, &folders.outbox, &folders.previews);
         // Oldest first: a full page does not change any more.
-        self.reports
-            .sort_by(|a, b| (a.finished_unix_s, &a.photo).cmp(&(b.finished_unix_s, &b.photo)));
+        let order = |report: &Report| (report.number, report.finished_unix_s, report.photo.clone());
+        self.reports.sort_by_cached_key(order);
         let found = files.list(outbox)?;
         let found: HashSet<_> = found.iter().map(|(name, _)| name.to_string_lossy()).collect();
         self.reports.retain(|report| found.contains(&*report.result));

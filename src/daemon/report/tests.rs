@@ -42,6 +42,7 @@ pub(super) fn report(n: u64) -> Report {
         notes: vec![],
         iterations: vec![],
         finished_unix_s: 1_700_000_000 + 7 * n,
+        number: n,
         before: "gallery/a-before.jpg".into(),
         after: "gallery/a-after.jpg".into(),
         photo_crc32: "0".into(),

@@ -146,7 +146,10 @@ impl<'a> Nightly<'a> {
                 None
             }
             Trust::NotSet => Some("no network has set the clock yet"),
-            Trust::Past => Some("the clock shows a time in the past"),
+            Trust::Past => Some(
+                "the clock shows a time before one that it showed already: set it; if \
+                             it is right now, let the network set it",
+            ),
         };
         if let Some(why) = unknown {
             self.night = None;

@@ -7,7 +7,7 @@ use std::path::Path;
 use super::claim::{Claimed, JobStep};
 use super::folders::Folders;
 use super::names::{PictureNames, free_result_name, report_name};
-use super::report_file::{Circumstances, Report};
+use super::report_file::Report;
 use crate::disk::FileError;
 use crate::disk::files::json_in_lines;
 use crate::frame::{Channels, Size};
@@ -68,6 +68,7 @@ pub(crate) struct Delivery<'a> {
     pub(crate) encoded: &'a Encoded,
     pub(crate) rig: &'a str,
     pub(crate) finished_unix_s: u64,
+    pub(crate) number: u64,
 }
 
 impl Delivery<'_> {
@@ -137,15 +138,14 @@ impl Delivery<'_> {
     }
 
     fn report(&self, result: &OsStr, names: &PictureNames) -> Report {
-        let circumstances = Circumstances {
-            rig: self.rig,
-            result,
-            format: self.encoded.result.as_ref().map(|_| self.photo.manner.format),
+        let format = self.encoded.result.as_ref().map(|_| self.photo.manner.format);
+        Report {
             before: format!("gallery/{}", names.before),
             after: format!("gallery/{}", names.after),
             finished_unix_s: self.finished_unix_s,
-        };
-        Report::new(self.photo, self.outcome, circumstances)
+            number: self.number,
+            ..Report::single(self.rig, self.photo, self.outcome, result.as_ref(), format)
+        }
     }
 
     /// The photo's own name where its file is the result, else the name in the result's format.

@@ -1,6 +1,6 @@
 //! The report beside a result and the note beside a rejected photo.
 
-use std::ffi::{OsStr, OsString};
+use std::ffi::OsString;
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
@@ -100,34 +100,36 @@ pub struct Report {
     pub photo_bytes: u64,
     /// Time of completion, seconds since 1970 UTC by the box's calendar.
     pub finished_unix_s: u64,
+    /// Its place in the order of results, which a calendar that was set does not give; 0 in reports
+    /// of older versions.
+    #[serde(default)]
+    pub number: u64,
     /// Relative URL of the photo's preview.
     pub before: String,
     /// Relative URL of the result's preview.
     pub after: String,
 }
 
-/// Data of a report beyond the photo and its restoration.
-pub(crate) struct Circumstances<'a> {
-    pub(crate) rig: &'a str,
-    pub(crate) result: &'a OsStr,
-    /// Format of the result; `None` when the photo's own file is the result.
-    pub(crate) format: Option<Format>,
-    pub(crate) before: String,
-    pub(crate) after: String,
-    pub(crate) finished_unix_s: u64,
-}
-
 impl Report {
-    pub(crate) fn new(photo: &Photo, outcome: &Outcome, about: Circumstances<'_>) -> Report {
+    /// Reports a photo restored into the file `out` of `format`, outside a gallery; `None` for the
+    /// photo's own file.
+    pub fn single(
+        rig: &str,
+        photo: &Photo,
+        outcome: &Outcome,
+        out: &Path,
+        format: Option<Format>,
+    ) -> Report {
+        let result = out.file_name().unwrap_or(out.as_os_str());
         Report {
             photo: photo.name.clone(),
-            result: about.result.to_string_lossy().into_owned(),
-            result_address: address(about.result),
+            result: result.to_string_lossy().into_owned(),
+            result_address: address(result),
             outcome: match outcome.verdict {
                 Verdict::Untouched => ResultKind::Untouched,
                 Verdict::Sound | Verdict::Replaced => ResultKind::Restored,
             },
-            rig: about.rig.to_owned(),
+            rig: rig.to_owned(),
             method: outcome.method.to_owned(),
             stage: outcome.stage,
             reason: outcome.reason.clone(),
@@ -141,36 +143,15 @@ impl Report {
             grey: photo.channels == Channels::Green,
             turned: photo.turned(),
             left_as_they_were: left_as_they_were(photo, outcome),
-            notes: photo
-                .report_notes(about.format)
-                .into_iter()
-                .chain(outcome.notes.clone())
-                .collect(),
+            notes: photo.report_notes(format).into_iter().chain(outcome.notes.clone()).collect(),
             iterations: outcome.iterations.clone(),
             photo_crc32: format!("{:08x}", photo.file.crc32),
             photo_bytes: photo.file.bytes,
-            finished_unix_s: about.finished_unix_s,
-            before: about.before,
-            after: about.after,
+            finished_unix_s: 0,
+            number: 0,
+            before: String::new(),
+            after: String::new(),
         }
-    }
-
-    /// Reports a photo restored outside a drop folder into the file `out` of `format`; `None` when
-    /// that is the photo's own file.
-    pub fn single(
-        rig: &str,
-        photo: &Photo,
-        outcome: &Outcome,
-        out: &Path,
-        format: Option<Format>,
-    ) -> Report {
-        let result = out.file_name().unwrap_or(out.as_os_str());
-        let (before, after) = (String::new(), String::new());
-        Report::new(
-            photo,
-            outcome,
-            Circumstances { rig, result, format, before, after, finished_unix_s: 0 },
-        )
     }
 
     /// The log line.
