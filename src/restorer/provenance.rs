@@ -95,6 +95,20 @@ mod tests {
     use super::*;
 
     #[test]
+    fn sites_of_another_sensor_are_refused_with_a_step() {
+        for (rig, allowed) in [("small.toml", "developed photos"), ("truthful.toml", "RGGB")] {
+            let rig = crate::config::load(std::path::Path::new(rig)).unwrap();
+            let words = other_camera(&rig, None, RawSites::new(Mosaic::Gbrg, 4.0)).unwrap();
+            let words = words.to_string();
+            let found = format!("found colour filters GBRG, allowed {allowed}");
+            assert!(
+                words.contains(&found) && words.contains("save it as TIFF of 16 bits"),
+                "{words}"
+            );
+        }
+    }
+
+    #[test]
     fn a_listed_camera_or_none_is_taken_and_another_named() {
         let mut rig = crate::config::load(std::path::Path::new("small.toml")).unwrap();
         let why = |rig: &RigFile, name: &str| {
