@@ -357,6 +357,19 @@ mod tests {
     }
 
     #[test]
+    fn zeros_that_are_picture_are_decoded_once() {
+        let (mut bytes, size) = (Vec::new(), Size::new(1024, 768));
+        let mut encoder = jpeg_encoder::Encoder::new(&mut bytes, 80);
+        encoder.set_optimized_huffman_tables(true);
+        encoder.encode(&vec![255; size.area()], 1024, 768, jpeg_encoder::ColorType::Luma).unwrap();
+        let limits = Limits::default();
+        let heading = walk(&bytes, &limits).unwrap();
+        let read = heading.coding.clone().flatten();
+        assert!(read.as_ref().is_some_and(|read| read.size == size), "for the check of its zeros");
+        assert_eq!(heading.decode(&bytes, &limits).unwrap().coding, read);
+    }
+
+    #[test]
     fn an_oversized_header_is_refused_before_decoding() {
         // A JPEG of a few hundred bytes may claim 16000×11000 and would decode to half a gigabyte.
         let mut jpeg = include_bytes!("../../tests/scenes/rocket.jpg").to_vec();
