@@ -39,10 +39,7 @@ fn rig(slots: &Path) -> (config::RigFile, OnRig, Witness) {
 }
 
 fn setting_of(rig: &config::RigFile) -> DaemonSetting {
-    DaemonSetting {
-        hints: false,
-        ..DaemonSetting::new(&rig.name, rig.photo_grid(), rig.photo.curve)
-    }
+    DaemonSetting::new(&rig.name, rig.photo_grid(), rig.photo.curve)
 }
 
 fn before_the_lens(rig: &config::RigFile) -> Frame<Work> {
