@@ -2,7 +2,7 @@
 
 use super::front_panel::FrontPanel;
 use super::lamp;
-use super::press::{DEBOUNCE_MS, LONG_PRESS_MS, Presses};
+use super::press::Presses;
 use crate::rig::{ButtonLevel, Clock, Lamp, LampRow, Moment, RigError};
 
 /// Longest delay from a change of state to the lamps.
@@ -20,7 +20,7 @@ pub fn attend(
     clock: &dyn Clock,
     ended: &dyn Fn() -> bool,
 ) {
-    let mut presses = Presses::new(DEBOUNCE_MS, LONG_PRESS_MS, clock.now());
+    let mut presses = Presses::new(clock.now());
     let (mut state, mut since) = (panel.state(), clock.now());
     let mut shown: Option<&[Lamp]> = None;
     let (mut lamp_failed, mut button_failed) = (false, false);
@@ -36,10 +36,7 @@ pub fn attend(
             shown = Some(lights);
             once(lamps.show(lights), &mut lamp_failed);
         }
-        let mut deadline = now.0 + remaining_s.min(POLL_S);
-        if let Some(again) = presses.look_again_at() {
-            deadline = deadline.min(again.0);
-        }
+        let mut deadline = (now.0 + remaining_s.min(POLL_S)).min(presses.look_again_at());
         let Some(button) = button.as_deref_mut() else {
             clock.wait_until(Moment(deadline));
             continue;

@@ -1,13 +1,12 @@
 //! Presses of the button: short, long, or held while the box starts.
 
 use crate::rig::Moment;
-use crate::rig::button::Debounce;
 
-/// Time that a level must hold: longer than contacts bounce, ms. Guess.
-pub const DEBOUNCE_MS: f64 = 30.0;
+/// Time that a level must hold: longer than contacts bounce. Guess.
+const DEBOUNCE_S: f64 = 0.03;
 /// Duration of a long press, which cancels a job, starts a calibration in maintenance, and starts
-/// maintenance when the box is switched on, ms. Guess.
-pub const LONG_PRESS_MS: f64 = 1500.0;
+/// maintenance when the box is switched on. Guess.
+const LONG_PRESS_S: f64 = 1.5;
 
 /// A press.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -22,61 +21,58 @@ pub enum Press {
     HeldAtStart,
 }
 
-/// Converts levels to presses.
+/// Converts timed levels to presses. A level counts once it has held for the debounce time.
 #[derive(Debug, Clone)]
 pub struct Presses {
-    debounce: Debounce,
-    long_s: f64,
-    down_since: Option<Moment>,
+    /// Level last read, and the start of it.
+    level: (bool, Moment),
+    is_pressed: bool,
+    down_since: Moment,
     is_reported: bool,
     /// Until when a press counts as held at the start.
     starting_until: Moment,
 }
 
 impl Presses {
-    /// A button first read at `now`. A level counts after `debounce_ms`, a press is long after
-    /// `long_ms`.
-    pub fn new(debounce_ms: f64, long_ms: f64, now: Moment) -> Presses {
+    /// A released button first read at `now`.
+    pub fn new(now: Moment) -> Presses {
         Presses {
-            debounce: Debounce::new(debounce_ms, now),
-            long_s: long_ms / 1e3,
-            down_since: None,
+            level: (false, now),
+            is_pressed: false,
+            down_since: now,
             is_reported: false,
             // Half a debounce time of grace for the first reading.
-            starting_until: Moment(now.0 + 1.5 * debounce_ms / 1e3),
+            starting_until: Moment(now.0 + 1.5 * DEBOUNCE_S),
         }
     }
 
     /// Processes the level read at `now`.
     pub fn read(&mut self, level: bool, now: Moment) -> Option<Press> {
-        if self.debounce.read(level, now) {
-            self.down_since = Some(now);
-            let at_start = now.0 <= self.starting_until.0;
+        if level != self.level.0 {
+            self.level = (level, now);
+        }
+        if level != self.is_pressed && now.0 - self.level.1.0 >= DEBOUNCE_S {
+            self.is_pressed = level;
+            if !level {
+                return (!self.is_reported).then_some(Press::Short);
+            }
+            self.down_since = now;
             // Held at the start, the press is not a long one as well.
-            self.is_reported = at_start;
-            return Some(if at_start { Press::HeldAtStart } else { Press::Down });
+            self.is_reported = now.0 <= self.starting_until.0;
+            return Some(if self.is_reported { Press::HeldAtStart } else { Press::Down });
         }
-        let since = self.down_since?;
-        if !self.debounce.is_pressed() {
-            self.down_since = None;
-            return (!self.is_reported).then_some(Press::Short);
-        }
-        if level && !self.is_reported && now.0 - since.0 >= self.long_s {
-            self.is_reported = true;
-            return Some(Press::Long);
-        }
-        None
+        let is_long = self.is_pressed && level && now.0 - self.down_since.0 >= LONG_PRESS_S;
+        (is_long && !std::mem::replace(&mut self.is_reported, true)).then_some(Press::Long)
     }
 
     /// When to read the level again without an edge.
-    pub fn look_again_at(&self) -> Option<Moment> {
-        let long = self
-            .down_since
-            .filter(|_| !self.is_reported)
-            .map(|since| Moment(since.0 + self.long_s));
-        match (self.debounce.next_reading_at(), long) {
-            (Some(a), Some(b)) => Some(if a <= b { a } else { b }),
-            (a, b) => a.or(b),
+    pub fn look_again_at(&self) -> f64 {
+        if self.level.0 != self.is_pressed {
+            self.level.1.0 + DEBOUNCE_S
+        } else if self.is_pressed && !self.is_reported {
+            self.down_since.0 + LONG_PRESS_S
+        } else {
+            f64::INFINITY
         }
     }
 }
@@ -85,9 +81,9 @@ impl Presses {
 mod tests {
     use super::*;
 
-    /// Presses read from `levels`, one a millisecond: 20 ms of debounce, long after 500 ms.
+    /// Presses read from `levels`, one a millisecond.
     fn presses(levels: impl IntoIterator<Item = bool>) -> Vec<(usize, Press)> {
-        let mut presses = Presses::new(20.0, 500.0, Moment(0.0));
+        let mut presses = Presses::new(Moment(0.0));
         let each = levels.into_iter().enumerate();
         // Slightly late, so that rounding does not affect the debounce time.
         each.filter_map(|(ms, level)| {
@@ -103,13 +99,13 @@ mod tests {
     #[test]
     fn a_short_press_is_reported_once() {
         let read = presses(levels(&[(false, 100), (true, 200), (false, 100)]));
-        assert_eq!(read, [(120, Press::Down), (320, Press::Short)]);
+        assert_eq!(read, [(130, Press::Down), (330, Press::Short)]);
     }
 
     #[test]
     fn a_long_press_is_reported_once_while_it_lasts() {
         let read = presses(levels(&[(false, 100), (true, 3000), (false, 100)]));
-        assert_eq!(read, [(120, Press::Down), (620, Press::Long)]);
+        assert_eq!(read, [(130, Press::Down), (1630, Press::Long)]);
     }
 
     #[test]
@@ -123,16 +119,35 @@ mod tests {
 
     #[test]
     fn a_press_held_at_the_start_is_never_long() {
-        assert_eq!(presses(levels(&[(true, 3000), (false, 50)])), [(20, Press::HeldAtStart)]);
-        let later = presses(levels(&[(false, 15), (true, 100), (false, 50)]));
-        assert_eq!(later[0], (35, Press::Down));
+        assert_eq!(presses(levels(&[(true, 3000), (false, 50)])), [(30, Press::HeldAtStart)]);
+        let later = presses(levels(&[(false, 20), (true, 100), (false, 50)]));
+        assert_eq!(later[0], (50, Press::Down));
     }
 
     #[test]
     fn a_lost_release_edge_does_not_repeat_the_press() {
         // The level is polled; edges do not matter.
         let read =
-            presses(levels(&[(false, 50), (true, 100), (false, 30), (true, 100), (false, 30)]));
+            presses(levels(&[(false, 50), (true, 100), (false, 40), (true, 100), (false, 40)]));
         assert_eq!(read.iter().filter(|p| p.1 == Press::Down).count(), 2, "{read:?}");
+    }
+
+    #[test]
+    fn a_bouncing_press_counts_once_and_a_spike_not() {
+        let mut bouncing = levels(&[(false, 60)]);
+        bouncing.extend((0..15).map(|ms| ms % 3 != 1));
+        bouncing.extend(levels(&[(true, 60)]));
+        bouncing.extend((0..15).map(|ms| ms % 3 != 1));
+        bouncing.extend(levels(&[(false, 60), (true, 10), (false, 60)]));
+        let read: Vec<Press> = presses(bouncing).into_iter().map(|p| p.1).collect();
+        assert_eq!(read, [Press::Down, Press::Short]);
+    }
+
+    #[test]
+    fn an_unsteady_level_is_read_again_after_the_debounce_time() {
+        let mut presses = Presses::new(Moment(0.0));
+        assert!(presses.look_again_at().is_infinite());
+        presses.read(true, Moment(0.5));
+        assert!((presses.look_again_at() - 0.53).abs() < 1e-9);
     }
 }

@@ -9,6 +9,7 @@
 
 pub mod bayer;
 mod binned;
+#[cfg(feature = "hardware")]
 pub mod button;
 #[cfg(feature = "hardware")]
 pub mod camera;
