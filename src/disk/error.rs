@@ -114,6 +114,12 @@ impl FileError {
     }
 }
 
+impl From<FileError> for io::Error {
+    fn from(error: FileError) -> io::Error {
+        error.source
+    }
+}
+
 impl Remediable for FileError {
     fn remedy(&self) -> Remedy {
         match self.kind() {

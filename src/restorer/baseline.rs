@@ -5,7 +5,9 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 
 use super::{keep, kept};
+use crate::disk::files::json;
 use crate::nights::pilot::PilotReading;
+use crate::remedy::full_message;
 
 /// Name of the file beside the calibration's slots.
 const NAME: &str = "pilot.json";
@@ -19,15 +21,15 @@ struct Baseline {
 
 /// The reading of calibration `generation`, if there is one.
 pub(super) fn load(slots: &Path, generation: u32) -> Option<PilotReading> {
-    let baseline: Baseline = serde_json::from_slice(&kept(slots, NAME).ok()?).ok()?;
+    let baseline: Baseline = serde_json::from_slice(&kept(slots, NAME).ok()??).ok()?;
     (baseline.generation == generation).then_some(baseline.reading)
 }
 
 /// Keeps `reading`; if that fails, the next pilot makes a new one.
 pub(super) fn save(slots: &Path, generation: u32, reading: &PilotReading) {
     let baseline = Baseline { generation, reading: *reading };
-    let bytes = serde_json::to_vec(&baseline).map_err(std::io::Error::other);
+    let bytes = json(&baseline, &slots.join(NAME));
     if let Err(error) = bytes.and_then(|bytes| keep(slots, NAME, &bytes)) {
-        log::warn!("cannot keep the pilot's reading in {}: {error}", slots.display());
+        log::warn!("the pilot's reading is not kept: {}", full_message(&error));
     }
 }

@@ -2,7 +2,7 @@
 //! is measured behind a diffuser, since the flats of a calibration contain the panel's own dark
 //! corners, and stored beside the calibration.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -13,6 +13,7 @@ use crate::calibration::dark_corner::{normalised, smooth};
 use crate::calibration::surface::Surface;
 use crate::calibration::{Calibration, Layout, store};
 use crate::config::RigFile;
+use crate::disk::files::json;
 use crate::frame::{Channel, Frame, Plane, Rect, SensorSpace, Size, Work};
 use crate::remedy::{AnyFailure, Remediable, Remedy};
 use crate::rig::exposure::Devices;
@@ -44,18 +45,12 @@ pub struct LensFlat {
     photo: Size,
 }
 
-/// Why a lens's vignetting was not measured or stored.
+/// The light is unsuitable: what was found, what is allowed, and what to do.
 #[derive(Debug, thiserror::Error)]
-pub enum DiffuserError {
-    /// The light is unsuitable: what was found, what is allowed, and what to do.
-    #[error("behind the diffuser {0}")]
-    Light(String),
-    /// The file cannot be written.
-    #[error("cannot store the lens's vignetting in {0}")]
-    Store(PathBuf, #[source] std::io::Error),
-}
+#[error("behind the diffuser {0}")]
+struct UnsuitableLight(String);
 
-impl Remediable for DiffuserError {
+impl Remediable for UnsuitableLight {
     fn remedy(&self) -> Remedy {
         Remedy::CallOperator
     }
@@ -83,10 +78,7 @@ pub fn measure(
     });
     devices.expose_times(1.0)?;
     let flat = LensFlat::fit(&takes?, config)?;
-    serde_json::to_vec(&flat)
-        .map_err(std::io::Error::other)
-        .and_then(|bytes| keep(slots, NAME, &bytes))
-        .map_err(|source| DiffuserError::Store(slots.to_owned(), source))?;
+    keep(slots, NAME, &json(&flat, &slots.join(NAME))?)?;
     Ok(flat)
 }
 
@@ -116,14 +108,14 @@ fn take(
             percent * clipped,
             percent * most
         );
-        return Err(DiffuserError::Light(found).into());
+        return Err(UnsuitableLight(found).into());
     }
     Ok(take)
 }
 
 /// The vignetting stored in `slots`; `None` if none is, or it belongs to another rig.
 pub fn load(config: &RigFile, slots: &Path) -> Option<LensFlat> {
-    let flat: LensFlat = serde_json::from_slice(&kept(slots, NAME).ok()?).ok()?;
+    let flat: LensFlat = serde_json::from_slice(&kept(slots, NAME).ok()??).ok()?;
     let fits = flat.rig == identity(config)
         && flat.photo == config.photo.size()
         && flat.shares.iter().all(Surface::is_whole);
@@ -140,13 +132,13 @@ impl LensFlat {
     ///
     /// # Errors
     /// When the takes are rough, differ, or have a dark corner.
-    fn fit(takes: &[Frame<SensorSpace>; 2], config: &RigFile) -> Result<LensFlat, DiffuserError> {
+    fn fit(takes: &[Frame<SensorSpace>; 2], config: &RigFile) -> Result<LensFlat, UnsuitableLight> {
         let (layout, photo) = (Layout::of(config), config.photo.size());
         let area = Rect { x: 0, y: 0, size: photo };
         let origin = (layout.photo_x_px, layout.photo_y_px);
         let fit = |plane: &Plane| match smooth(plane, origin, layout.domain(), 0) {
             Ok(surface) => Ok(normalised(&surface, area).0),
-            Err(error) => Err(DiffuserError::Light(error.to_string())),
+            Err(error) => Err(UnsuitableLight(error.to_string())),
         };
         let mut shares = [(); 3].map(|()| Surface::constant(layout.domain(), 1.0));
         for (share, c) in shares.iter_mut().zip(Channel::ALL) {
@@ -155,7 +147,7 @@ impl LensFlat {
             let difference = |(x, y)| (a.at(x, y) / b.at(x, y) - 1.0).abs();
             let largest = points(photo).map(difference).fold(0.0, f64::max);
             if largest > UNEVEN_MAX {
-                return Err(DiffuserError::Light(format!(
+                return Err(UnsuitableLight(format!(
                     "the light differs by {:.1} % between the two takes, allowed {:.0} %: light \
                      it more evenly, from farther away",
                     100.0 * largest,
@@ -173,7 +165,7 @@ impl LensFlat {
         if darkest >= SHARE_MIN {
             return Ok(flat);
         }
-        Err(DiffuserError::Light(format!(
+        Err(UnsuitableLight(format!(
             "a corner has {:.1} % of the brightest point's light, allowed {:.0} % or more: cover \
              the whole lens with the diffuser",
             100.0 * darkest,

@@ -21,10 +21,10 @@ pub mod photo_file;
 mod progress;
 mod provenance;
 
-use std::io::Read;
+use std::ffi::OsStr;
 use std::path::Path;
 
-use crate::disk::{Disk, LocalDisk, Unsynced};
+use crate::disk::{FileError, Files};
 use crate::kiosk::screen::Screen;
 use crate::nights::pilot::Drift;
 use crate::picture::Photo;
@@ -104,20 +104,17 @@ pub struct Progress {
     pub captures: usize,
 }
 
-/// Reads the file that [`keep`] wrote.
-fn kept(folder: &Path, name: &str) -> std::io::Result<Vec<u8>> {
-    let mut bytes = Vec::new();
-    let disk = LocalDisk::new(vec![folder.to_owned()]);
-    disk.open(&folder.join(name))?.read_to_end(&mut bytes)?;
-    Ok(bytes)
+/// Longest file beside the calibration's slots.
+const BYTES_MAX: u64 = 16 << 20;
+
+/// The file `name` beside the calibration's slots; `None` if there is none.
+fn kept(slots: &Path, name: &str) -> Result<Option<Vec<u8>>, FileError> {
+    Files::beneath(vec![slots.to_owned()]).read(&slots.join(name), BYTES_MAX)
 }
 
-/// Replaces `folder/name` by `bytes`, whole or not at all.
-fn keep(folder: &Path, name: &str, bytes: &[u8]) -> std::io::Result<()> {
-    let folder = folder.canonicalize()?;
-    let disk = LocalDisk::new(vec![folder.clone()]);
-    let fresh = folder.join(format!("{name}.new"));
-    disk.write(&fresh, &mut &*bytes).and_then(Unsynced::sync)?;
-    disk.rename(&fresh, &folder.join(name))?;
-    disk.sync_folder(&folder)
+/// Replaces the file `name` beside the calibration's slots, whole or not at all.
+fn keep(slots: &Path, name: &str, bytes: &[u8]) -> Result<(), FileError> {
+    let files = Files::beneath(vec![slots.to_owned()]);
+    files.sweep(slots)?;
+    files.replace_for_good(slots, OsStr::new(name), bytes)
 }

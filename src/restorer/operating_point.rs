@@ -1,11 +1,12 @@
 //! The operating point chosen for a rig, kept beside its calibration as a small TOML file.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
 use super::{keep, kept};
 use crate::config::{self, MethodName};
+use crate::disk::FileError;
 use crate::pipeline::{Chosen, Setting};
 use crate::remedy::{Remediable, Remedy, full_message};
 
@@ -29,27 +30,15 @@ pub enum OperatingPointError {
     #[error("{0}")]
     Unusable(String),
     /// The file cannot be read or written.
-    #[error("cannot {what} {path}")]
-    File {
-        /// The operation, as a verb.
-        what: &'static str,
-        /// The file.
-        path: PathBuf,
-        /// The cause.
-        #[source]
-        source: std::io::Error,
-    },
+    #[error(transparent)]
+    File(#[from] FileError),
 }
 
 impl Remediable for OperatingPointError {
     fn remedy(&self) -> Remedy {
-        use std::io::ErrorKind::{PermissionDenied, ReadOnlyFilesystem};
         match self {
-            OperatingPointError::File { source, .. } => match source.kind() {
-                PermissionDenied | ReadOnlyFilesystem => Remedy::CallOperator,
-                _ => Remedy::RetryLater,
-            },
-            _ => Remedy::Recalibrate,
+            OperatingPointError::File(error) => error.remedy(),
+            OperatingPointError::Unusable(_) => Remedy::Recalibrate,
         }
     }
 }
@@ -63,10 +52,8 @@ pub fn load(slots: &Path, rig: &config::RigFile) -> Result<Option<Chosen>, Opera
     let path = slots.join(NAME);
     let unusable = |what: String| OperatingPointError::Unusable(what);
     let damaged = |what: &str| unusable(format!("{} is damaged: {what}", path.display()));
-    let bytes = kept(slots, NAME).map_err(|source| match source.kind() {
-        std::io::ErrorKind::NotFound => unusable(format!("there is no {}", path.display())),
-        _ => OperatingPointError::File { what: "read", path: path.clone(), source },
-    })?;
+    let bytes = kept(slots, NAME)?;
+    let bytes = bytes.ok_or_else(|| unusable(format!("there is no {}", path.display())))?;
     let point: KeptPoint = toml::from_slice(&bytes).map_err(|error| damaged(error.message()))?;
     let of = |rig: &str, point: &str| format!("rig {rig} for `{point}`");
     let found = of(&point.rig, point.chosen.operating_point.name());
@@ -92,9 +79,8 @@ pub fn save(
 ) -> Result<(), OperatingPointError> {
     let point = KeptPoint { rig: identity(rig), chosen: *chosen };
     let text = toml::to_string(&point).map_err(std::io::Error::other);
-    text.and_then(|text| keep(slots, NAME, format!("{HEAD}{text}").as_bytes())).map_err(|source| {
-        OperatingPointError::File { what: "write", path: slots.join(NAME), source }
-    })
+    let text = text.map_err(FileError::at("write", &slots.join(NAME)))?;
+    Ok(keep(slots, NAME, format!("{HEAD}{text}").as_bytes())?)
 }
 
 /// The setting for photos on `rig`: `method` if given, else the choice, else the rig file's.
