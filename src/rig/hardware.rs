@@ -7,7 +7,7 @@ use linux_embedded_hal::Delay;
 use super::binned::binned;
 use super::exposure::{Devices, Timing};
 use super::gpio_line::OutputLine;
-use super::kms_panel::{KmsPanel, KmsSettings};
+use super::kms_panel::KmsPanel;
 use super::monotonic::Monotonic;
 use super::pulse_trigger::{FreeRunning, PulseTrigger};
 use super::pwm_trigger::{self, PwmTrigger};
@@ -43,12 +43,7 @@ pub fn open_panel(
     panel: &PanelTable,
     device: &PanelDevice,
 ) -> Result<Box<dyn Panel + Send>, RigError> {
-    Ok(Box::new(KmsPanel::open(KmsSettings {
-        node: device.node.clone(),
-        connector: device.connector.clone(),
-        size: panel.size(),
-        refresh_hz: panel.refresh_hz,
-    })?))
+    Ok(Box::new(KmsPanel::open(panel, device)?))
 }
 
 fn open_trigger(

@@ -5,8 +5,6 @@
 //! before every picture and cured by setting the mode again; until then each call returns the
 //! error.
 
-use std::path::PathBuf;
-
 use drm::Device as _;
 use drm::buffer::{Buffer as _, DrmFourcc};
 use drm::control::{
@@ -21,6 +19,7 @@ use super::kms_card::{Card, commit_failed, failed};
 use super::modeset::{Pipe, darken, light_up};
 use super::monotonic::{Monotonic, remaining_until};
 use super::{Clock, Flip, Moment, Panel, RigError};
+use crate::config::{PanelDevice, PanelTable};
 use crate::frame::{Codes, Size};
 
 /// Refreshes until a missing flip event means a dead pipe. A live driver needs one or two; the
@@ -32,19 +31,6 @@ const TIMED_FLIPS: usize = 24;
 /// Relative tolerance of the measured refresh interval: accepts 59.94 Hz for 60, not 50.
 const INTERVAL_ERROR_MAX: f64 = 0.005;
 
-/// Settings of a display.
-#[derive(Debug, Clone, PartialEq)]
-pub struct KmsSettings {
-    /// DRM node; `None` for the one with the connector.
-    pub node: Option<PathBuf>,
-    /// Connector by the kernel's name, such as `HDMI-A-1`.
-    pub connector: String,
-    /// Panel pixels; the connector must list a mode of this size.
-    pub size: Size,
-    /// Refresh rate.
-    pub refresh_hz: f64,
-}
-
 struct PictureBuffer {
     picture: framebuffer::Handle,
     memory: DumbBuffer,
@@ -53,7 +39,8 @@ struct PictureBuffer {
 /// A display driven by this program as DRM master.
 pub struct KmsPanel {
     card: Card,
-    settings: KmsSettings,
+    connector: String,
+    size: Size,
     pipe: Pipe,
     mode: Mode,
     /// The plane's FB_ID.
@@ -69,14 +56,16 @@ pub struct KmsPanel {
 }
 
 impl KmsPanel {
-    /// Opens and lights the display, and measures its refresh interval.
+    /// Opens and lights the display of `device`, which must have a mode of `panel`'s size and
+    /// refresh rate, and measures its refresh interval.
     ///
     /// # Errors
     /// [`RigError::Gone`] without a node or a display, [`RigError::Held`] while another program
     /// drives it, [`RigError::Refused`] if connector, mode, settings or measured interval do not
     /// match.
-    pub fn open(settings: KmsSettings) -> Result<Self, RigError> {
-        let card = Card::open(settings.node.as_deref(), &settings.connector)?;
+    pub fn open(panel: &PanelTable, device: &PanelDevice) -> Result<Self, RigError> {
+        let (PanelDevice { node, connector: name }, size) = (device, panel.size());
+        let card = Card::open(node.as_deref(), name)?;
         if card.acquire_master_lock().is_err() {
             return Err(commit_failed(Errno::ACCESS.into()));
         }
@@ -88,20 +77,20 @@ impl KmsPanel {
                 allowed: "one with it, as of every current graphics chip".to_owned(),
             })?;
         }
-        let connector = card.connector(&settings.connector)?;
+        let connector = card.connector(name)?;
         if connector.state() != connector::State::Connected {
-            return Err(unplugged(&settings.connector));
+            return Err(unplugged(name));
         }
-        let mode = find_mode(&connector, &settings)?;
+        let mode = find_mode(&connector, panel)?;
         let pipe = find_pipe(&card, &connector)?;
         let picture_property = card.properties(pipe.plane)?.handle("FB_ID")?;
         let before = card.get_crtc(pipe.crtc).ok();
-        let buffers = [new_buffer(&card, settings.size)?, new_buffer(&card, settings.size)?];
-        let row = vec![0; settings.size.width * 4];
-        let interval_s = 1.0 / settings.refresh_hz;
+        let buffers = [new_buffer(&card, size)?, new_buffer(&card, size)?];
+        let row = vec![0; size.width * 4];
         let mut panel = KmsPanel {
             card,
-            settings,
+            connector: name.clone(),
+            size,
             pipe,
             mode,
             picture_property,
@@ -109,7 +98,7 @@ impl KmsPanel {
             front: 0,
             link: Link::default(),
             before,
-            interval_s,
+            interval_s: 1.0 / panel.refresh_hz,
             row,
         };
         panel.light()?;
@@ -128,7 +117,7 @@ impl KmsPanel {
         let kept = link.keep(self);
         self.link = link;
         if kept? {
-            log::info!("panel: {} lit again", self.settings.connector);
+            log::info!("panel: {} lit again", self.connector);
         }
         Ok(())
     }
@@ -138,11 +127,11 @@ impl KmsPanel {
     /// # Errors
     /// When the panel or the right to use it is gone, or another flip is pending.
     pub fn put(&mut self, codes: &Codes) -> Result<(), RigError> {
-        if codes.size() != self.settings.size {
+        if codes.size() != self.size {
             return Err(RigError::Refused {
                 device: "panel",
                 found: format!("a picture of {}", codes.size()),
-                allowed: self.settings.size.to_string(),
+                allowed: self.size.to_string(),
             });
         }
         self.keep_lit()?;
@@ -234,7 +223,7 @@ impl KmsPanel {
         }
         let refreshes = last.vblank.wrapping_sub(first.vblank) as u32;
         let interval_s = (last.at.0 - first.at.0) / f64::from(refreshes.max(1));
-        let wanted_s = 1.0 / self.settings.refresh_hz;
+        let wanted_s = self.interval_s;
         if (interval_s / wanted_s - 1.0).abs() > INTERVAL_ERROR_MAX {
             return Err(RigError::Refused {
                 device: "panel",
@@ -252,7 +241,7 @@ impl KmsPanel {
 
 impl Display for KmsPanel {
     fn name(&self) -> &str {
-        &self.settings.connector
+        &self.connector
     }
 
     fn state(&mut self) -> Result<ConnectorState, RigError> {
@@ -269,7 +258,7 @@ impl Display for KmsPanel {
     }
 
     fn probe(&mut self) -> Result<bool, RigError> {
-        let connector = self.card.connector(&self.settings.connector)?;
+        let connector = self.card.connector(&self.connector)?;
         Ok(connector.state() == connector::State::Connected)
     }
 
@@ -289,7 +278,7 @@ impl Display for KmsPanel {
 
 impl Panel for KmsPanel {
     fn size(&self) -> Size {
-        self.settings.size
+        self.size
     }
 
     fn show(&mut self, codes: &Codes) -> Result<Flip, RigError> {
@@ -324,12 +313,12 @@ fn exact_refresh_hz(mode: &Mode) -> f64 {
     f64::from(mode.clock()) * 1e3 / (f64::from(mode.hsync().2) * f64::from(mode.vsync().2))
 }
 
-fn find_mode(connector: &connector::Info, settings: &KmsSettings) -> Result<Mode, RigError> {
+fn find_mode(connector: &connector::Info, panel: &PanelTable) -> Result<Mode, RigError> {
     let fits = |mode: &&Mode| {
         let (width, height) = mode.size();
-        (usize::from(width), usize::from(height)) == (settings.size.width, settings.size.height)
+        (usize::from(width), usize::from(height)) == (panel.width_px, panel.height_px)
             && !mode.flags().contains(drm::control::ModeFlags::INTERLACE)
-            && (exact_refresh_hz(mode) / settings.refresh_hz - 1.0).abs() < INTERVAL_ERROR_MAX
+            && (exact_refresh_hz(mode) / panel.refresh_hz - 1.0).abs() < INTERVAL_ERROR_MAX
     };
     connector.modes().iter().find(fits).copied().ok_or_else(|| {
         let listed: Vec<String> = (connector.modes().iter())
@@ -339,7 +328,7 @@ fn find_mode(connector: &connector::Info, settings: &KmsSettings) -> Result<Mode
             .collect();
         RigError::Refused {
             device: "panel",
-            found: format!("mode {} at {} Hz on {connector}", settings.size, settings.refresh_hz),
+            found: format!("mode {} at {} Hz on {connector}", panel.size(), panel.refresh_hz),
             allowed: listed.join(", "),
         }
     })

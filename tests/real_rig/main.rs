@@ -25,7 +25,7 @@ use std::process::{Command, Stdio};
 use relens::config::{self, Kind};
 use relens::frame::{Channel, Codes};
 use relens::rig::exposure::Devices;
-use relens::rig::kms_panel::{KmsPanel, KmsSettings};
+use relens::rig::kms_panel::KmsPanel;
 use relens::rig::monotonic::Monotonic;
 use relens::rig::{self, Clock, Flip, Panel, RigError};
 
@@ -46,13 +46,7 @@ fn opened_as(config: config::RigFile) -> (Devices, config::RigFile) {
 /// The panel alone.
 fn panel_of(config: &config::RigFile) -> KmsPanel {
     let Kind::Hardware(hardware) = &config.kind else { panic!("a rig of devices") };
-    let settings = KmsSettings {
-        node: hardware.panel.node.clone(),
-        connector: hardware.panel.connector.clone(),
-        size: config.panel.size(),
-        refresh_hz: config.panel.refresh_hz,
-    };
-    KmsPanel::open(settings).unwrap_or_else(|error| panic!("{error}"))
+    KmsPanel::open(&config.panel, &hardware.panel).unwrap_or_else(|error| panic!("{error}"))
 }
 
 fn grey(config: &config::RigFile, code: u8) -> Codes {
