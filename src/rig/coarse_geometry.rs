@@ -105,7 +105,7 @@ impl CoarseGeometry {
     }
 
     /// Normalised direct linear transformation (Hartley & Zisserman, alg. 4.2).
-    fn least_squares(pairs: &[(Place, Place)]) -> Option<Self> {
+    pub(crate) fn least_squares(pairs: &[(Place, Place)]) -> Option<Self> {
         let from = normaliser(pairs.iter().map(|pair| pair.0))?;
         let to = normaliser(pairs.iter().map(|pair| pair.1))?;
         let mut rows = DMatrix::zeros(2 * pairs.len().max(5), 9);
