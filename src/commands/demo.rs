@@ -9,6 +9,7 @@ use relens::chart::scenes::Scene;
 use relens::config::{self, RigFile};
 use relens::daemon::{Folders, SCENES};
 use relens::deconvolution::quality::{psnr, ssim};
+use relens::disk::files::numbered;
 use relens::picture::{Format, Limits, Manner, Photo, Tone, encode};
 
 use super::error::CliError;
@@ -71,11 +72,11 @@ pub(super) fn run(options: &DemoOptions) -> Result<(), CliError> {
         let Some(report) = summary.restored.iter().find(|report| report.photo == *name) else {
             continue;
         };
-        let before = Quality::of(&root.join("done").join(name), &rig, taken)?;
-        let after = Quality::of(&outbox.join(&report.result), &rig, taken)?;
+        let before = quality(&root.join("done").join(name), &rig, taken)?;
+        let after = quality(&outbox.join(&report.result), &rig, taken)?;
         say(&format!(
             "{name:13} {:.3}  {:.3}    {:5.2}  {:5.2}    {:5}     {:5.1}",
-            before.ssim, after.ssim, before.psnr_db, after.psnr_db, report.captures, report.seconds
+            before[0], after[0], before[1], after[1], report.captures, report.seconds
         ));
     }
     for photo in summary.failed.iter().chain(&summary.deferred) {
@@ -113,22 +114,13 @@ fn write_photo_and_scene(
     Ok(())
 }
 
-/// The likeness of a picture to its scene.
-struct Quality {
-    ssim: f64,
-    psnr_db: f64,
-}
-
-impl Quality {
-    /// Of the picture at `path` to the scene of `taken`.
-    fn of(path: &Path, rig: &RigFile, taken: &Taken) -> Result<Quality, CliError> {
-        let picture =
-            Photo::read(path, rig.photo.curve, &Limits::default()).map_err(CliError::of)?;
-        let tone = Tone::of_curve(config::Curve::Srgb, 8);
-        let [picture, scene] =
-            [&picture.in_colour(), &taken.shaded].map(|light| display_luminance(&tone, light));
-        Ok(Quality { ssim: ssim(&picture, &scene), psnr_db: psnr(&picture, &scene) })
-    }
+/// SSIM and PSNR, dB, of the picture at `path` against the scene of `taken`.
+fn quality(path: &Path, rig: &RigFile, taken: &Taken) -> Result<[f64; 2], CliError> {
+    let picture = Photo::read(path, rig.photo.curve, &Limits::default()).map_err(CliError::of)?;
+    let tone = Tone::of_curve(config::Curve::Srgb, 8);
+    let [picture, scene] =
+        [&picture.in_colour(), &taken.shaded].map(|light| display_luminance(&tone, light));
+    Ok([ssim(&picture, &scene), psnr(&picture, &scene)])
 }
 
 /// The file name of a scene's photo: raw where the camera has raw sites, but for the JPEG.
@@ -142,25 +134,7 @@ fn photo_name(scene: Scene, raw: bool) -> String {
 
 /// `wanted`, with the first free number added if it exists.
 fn free(wanted: &Path) -> PathBuf {
-    let mut path = wanted.to_owned();
-    let mut number = 2;
-    while path.exists() {
-        let mut name = wanted.file_name().unwrap_or(wanted.as_os_str()).to_owned();
-        name.push(format!("-{number}"));
-        path = wanted.with_file_name(name);
-        number += 1;
-    }
-    path
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn scenes_and_gallery_begin_with_photographs() {
-        let [first, .., last] = SCENES_TAKEN;
-        assert!(first != Scene::Chart && last != Scene::Chart);
-        assert!(Scene::ALL.iter().all(|scene| SCENES_TAKEN.contains(scene)));
-    }
+    let names = numbered(wanted.file_name().unwrap_or(wanted.as_os_str()));
+    let mut paths = names.map(|name| wanted.with_file_name(name));
+    paths.find(|path| !path.exists()).unwrap_or_else(|| wanted.to_owned())
 }
