@@ -102,8 +102,7 @@ impl ForwardConvolution for LightPath<'_> {
         let begun = (self.stopwatch)();
         let exposed = self.rig.capture(&codes)?;
         self.waited_seconds += (self.stopwatch)() - begun;
-        let corrected = self.correction.see(&exposed.counts);
-        let mut seen = Seen { light: corrected.light, trusted: corrected.trusted };
+        let mut seen = self.correction.see(&exposed.counts);
         self.add_lost_detail(shown, &mut seen);
         Ok(seen)
     }

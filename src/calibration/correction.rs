@@ -16,6 +16,7 @@ use super::dither::Diffusion;
 use super::surface::{Domain, Surface};
 use super::{Calibration, CameraCurve, Geometry, SiteGains};
 use crate::config::{self, Subpixels};
+use crate::deconvolution::forward_convolution::Seen;
 use crate::frame::resample::warp;
 use crate::frame::{Channel, Codes, Counts, Frame, Mosaic, Plane, Rect, Size, Work, once};
 use crate::remedy::{Remediable, Remedy};
@@ -61,14 +62,19 @@ impl Layout {
 
     /// Colour filters over the canvas.
     pub fn canvas_mosaic(&self) -> Option<Mosaic> {
-        // The period is two, so adding the margin equals subtracting it.
-        let (x, y) = (self.photo_x_px + self.margin_px, self.photo_y_px + self.margin_px);
+        let Rect { x, y, .. } = self.canvas_on_sensor();
         self.mosaic.map(|mosaic| mosaic.from_place(x, y))
     }
 
     /// The photo and its margins.
     pub fn canvas(&self) -> Size {
         Size::new(self.photo.width + 2 * self.margin_px, self.photo.height + 2 * self.margin_px)
+    }
+
+    /// The canvas's place on the sensor, inside it by the rules of the rig file.
+    pub fn canvas_on_sensor(&self) -> Rect {
+        let (x, y) = (self.photo_x_px - self.margin_px, self.photo_y_px - self.margin_px);
+        Rect { x, y, size: self.canvas() }
     }
 
     /// The panel column that each channel sees by `geometry`, panel pixels, canvas-sized; red and
@@ -112,16 +118,6 @@ impl Remediable for CorrectionError {
     fn remedy(&self) -> Remedy {
         Remedy::Recalibrate
     }
-}
-
-/// A corrected capture in Work space.
-#[derive(Debug, Clone)]
-pub struct Corrected {
-    /// Light, 0..255, canvas-sized; 0 beyond the sensor.
-    pub light: Frame<Work>,
-    /// 1 where all three channels are below saturation, else 0. Behind colour filters only a
-    /// channel's own sites are 1.
-    pub trusted: Frame<Work, u8>,
 }
 
 /// Precomputed maps from Work to the panel and from the sensor to Work.
@@ -217,10 +213,7 @@ impl Correction {
     /// When the picture's size is not the canvas's.
     pub fn show(&self, picture: &Frame<Work>) -> Codes {
         assert!(picture.size() == self.layout.canvas(), "a shown picture has the canvas's size");
-        let made: Vec<Plane<u8>> =
-            Channel::ALL.par_iter().map(|&c| self.show_plane(c, picture.plane(c))).collect();
-        let mut made = made.into_iter();
-        Frame::from_fn(|_| made.next().unwrap_or_else(|| Plane::zeros(self.layout.panel)))
+        Frame::from_planes(Channel::each(|c| self.show_plane(c, picture.plane(c))))
     }
 
     /// The part of the panel that shows a canvas, with a fringe.
@@ -284,17 +277,24 @@ impl Correction {
         codes
     }
 
-    /// Converts `counts` (sensor-sized) to light on the canvas.
+    /// Converts `counts` (sensor-sized) to light on the canvas, 0..255. Pixels are trusted where
+    /// all three channels are below saturation; behind colour filters a channel's own sites alone.
     ///
     /// # Panics
     /// When the counts' size is not the sensor's.
-    pub fn see(&self, counts: &Counts) -> Corrected {
+    pub fn see(&self, counts: &Counts) -> Seen {
         assert!(counts.size() == self.layout.sensor, "counts have the sensor's size");
-        let canvas = self.layout.canvas();
+        let Rect { x: left, y: top, size: canvas } = self.layout.canvas_on_sensor();
         let mut light = Frame::<Work>::zeros(canvas);
         let mut good = Plane::<u8>::zeros(canvas);
         let width = canvas.width;
-        let even = self.sites.as_ref().and_then(|sites| self.evened(sites, counts));
+        let even = self.sites.as_ref().map(|sites| {
+            let over = |c: Channel, x: usize, y: usize| {
+                let count = counts.plane(c).at(left + x, top + y);
+                self.count(count) - self.black[c.index()].at(x, y)
+            };
+            sites.evened(Rect { x: 0, y: 0, size: canvas }, over)
+        });
         let [red, green, blue] = light.planes_mut();
         let mut rows: Vec<_> = red
             .data_mut()
@@ -305,8 +305,19 @@ impl Correction {
             .enumerate()
             .collect();
         rows.par_iter_mut().with_min_len(32).for_each(|(y, (((red, green), blue), good))| {
+            let y = *y;
             let light = [&mut **red, &mut **green, &mut **blue];
-            self.see_row(counts, even.as_ref(), *y, light, good);
+            let t = counts.planes().each_ref().map(|p| &p.row(top + y)[left..left + width]);
+            for (x, good) in good.iter_mut().enumerate() {
+                *good = u8::from(t[0][x].max(t[1][x]).max(t[2][x]) < self.layout.saturated);
+            }
+            if let Some(even) = &even {
+                let e = even.planes().each_ref().map(|plane| plane.row(y));
+                return self.unmixed(y, light, |x| [e[0][x], e[1][x], e[2][x]]);
+            }
+            let b = self.black.each_ref().map(|plane| plane.row(y));
+            let over = |c: usize, x: usize| self.count(t[c][x]) - b[c][x];
+            self.unmixed(y, light, |x| [over(0, x), over(1, x), over(2, x)]);
         });
         drop(rows);
         let mosaic = self.layout.canvas_mosaic();
@@ -320,68 +331,7 @@ impl Correction {
                 good.at(x, y) & u8::from(own && !bad)
             }),
         };
-        Corrected { light, trusted: Frame::from_fn(trusted) }
-    }
-
-    /// First canvas column (or row) on the sensor, and their number; `photo` is the sensor column
-    /// of the photo's first.
-    fn reach(&self, photo: usize, canvas: usize, sensor: usize) -> (usize, usize) {
-        let skip = self.layout.margin_px.saturating_sub(photo);
-        let start = (photo + skip).saturating_sub(self.layout.margin_px);
-        (skip, canvas.saturating_sub(skip).min(sensor.saturating_sub(start)))
-    }
-
-    /// Counts over black as of uniform sites, and their part of the canvas; `None` if it is empty.
-    fn evened(&self, sites: &SiteGains, counts: &Counts) -> Option<(Rect, Frame<Work>)> {
-        let (layout, canvas) = (&self.layout, self.layout.canvas());
-        let (x, width) = self.reach(layout.photo_x_px, canvas.width, layout.sensor.width);
-        let (y, height) = self.reach(layout.photo_y_px, canvas.height, layout.sensor.height);
-        if width == 0 || height == 0 {
-            return None;
-        }
-        let place = Rect { x, y, size: Size::new(width, height) };
-        let (left, top) =
-            (layout.photo_x_px + x - layout.margin_px, layout.photo_y_px + y - layout.margin_px);
-        let over = |c: Channel, column: usize, row: usize| {
-            let count = counts.plane(c).at(left + column, top + row);
-            self.count(count) - self.black[c.index()].at(x + column, y + row)
-        };
-        Some((place, sites.evened(place, over)))
-    }
-
-    fn see_row(
-        &self,
-        counts: &Counts,
-        even: Option<&(Rect, Frame<Work>)>,
-        y: usize,
-        light: [&mut [f32]; 3],
-        good: &mut [u8],
-    ) {
-        let layout = &self.layout;
-        // The canvas's first pixel may lie outside the sensor.
-        let Some(sensor_y) = (layout.photo_y_px + y)
-            .checked_sub(layout.margin_px)
-            .filter(|&v| v < layout.sensor.height)
-        else {
-            return;
-        };
-        let (skip, reach) =
-            self.reach(layout.photo_x_px, layout.canvas().width, layout.sensor.width);
-        let start = (layout.photo_x_px + skip).saturating_sub(layout.margin_px);
-        let t = [0, 1, 2].map(|c| &counts.planes()[c].row(sensor_y)[start..start + reach]);
-        let good = &mut good[skip..skip + reach];
-        for (x, good) in good.iter_mut().enumerate() {
-            *good = u8::from(t[0][x].max(t[1][x]).max(t[2][x]) < layout.saturated);
-        }
-        let light = light.map(|row| &mut row[skip..skip + reach]);
-        if let Some((place, even)) = even {
-            let e = [0, 1, 2].map(|c| &even.planes()[c].row(y - place.y)[..reach]);
-            self.unmixed(y, skip, light, |x| [e[0][x], e[1][x], e[2][x]]);
-            return;
-        }
-        let b = [0, 1, 2].map(|c| &self.black[c].row(y)[skip..skip + reach]);
-        let over = |c: usize, x: usize| self.count(t[c][x]) - b[c][x];
-        self.unmixed(y, skip, light, |x| [over(0, x), over(1, x), over(2, x)]);
+        Seen { light, trusted: Frame::from_fn(trusted) }
     }
 
     /// The linearised value of `count`.
@@ -392,17 +342,15 @@ impl Correction {
         }
     }
 
-    /// Unmixes counts over black into the light of canvas row `y`, from column `skip`.
+    /// Unmixes counts over black into the light of canvas row `y`.
     fn unmixed(
         &self,
         y: usize,
-        skip: usize,
         [red, green, blue]: [&mut [f32]; 3],
         over: impl Fn(usize) -> [f32; 3],
     ) {
-        let reach = red.len();
-        let g = [0, 1, 2].map(|c| &self.gain[c].row(y)[skip..skip + reach]);
-        for x in 0..reach {
+        let g = self.gain.each_ref().map(|plane| plane.row(y));
+        for x in 0..red.len() {
             let over = over(x);
             let own = |to: usize| {
                 over[0] * self.unmix[0][to]

@@ -41,7 +41,7 @@ use crate::deconvolution::lens_model::{Beyond, Halo, LensFunctions, LensModel, L
 use crate::deconvolution::level_norms::LevelNorms;
 use crate::frame::{Channel, Size};
 pub use camera_curve::CameraCurve;
-pub use correction::{Corrected, Correction, CorrectionError, Layout};
+pub use correction::{Correction, CorrectionError, Layout};
 pub use cross_channel::CrossChannel;
 pub use curve::ResponseCurve;
 pub use geometric::Geometry;

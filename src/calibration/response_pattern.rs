@@ -43,7 +43,7 @@ pub struct ResponsePattern {
     planes: Vec<Vec<i8>>,
 }
 
-/// Flats and darks, canvas-sized; NaN beyond the sensor.
+/// Flats and darks, canvas-sized.
 pub struct EvenlyLit<'a> {
     /// Mean counts over dark relative to their smooth part; about 1.
     pub ratio: &'a Frame<Work>,
@@ -104,7 +104,7 @@ impl ResponsePattern {
     }
 }
 
-/// Deviations of one channel's sites, row by row; `None` at other sites and beyond the sensor.
+/// Deviations of one channel's sites, row by row; `None` at other sites.
 fn fit_channel(
     seen: &EvenlyLit<'_>,
     channel: Channel,
@@ -113,13 +113,12 @@ fn fit_channel(
     let (ratio, dark) = (seen.ratio.plane(channel), seen.dark.plane(channel));
     let share = seen.share.plane(channel);
     let size = ratio.size();
-    let there = |x: usize, y: usize| own(x, y) && !ratio.at(x, y).is_nan();
-    let hot = hot_above(size, dark, &there);
+    let hot = hot_above(size, dark, own);
     let is_measured = |x: usize, y: usize| {
         let to_border = x.min(y).min(size.width - 1 - x).min(size.height - 1 - y);
         to_border >= seen.rim_px && share.at(x, y) > LEAST_SHARE
     };
-    let fit = |x: usize, y: usize| there(x, y) && is_measured(x, y) && dark.at(x, y).abs() <= hot;
+    let fit = |x: usize, y: usize| own(x, y) && is_measured(x, y) && dark.at(x, y).abs() <= hot;
     // Two rounds, to exclude dead sites from their neighbours' surroundings.
     let mut good = Plane::from_fn(size, fit);
     let mut response = Plane::zeros(size);
@@ -129,7 +128,7 @@ fn fit_channel(
         good =
             Plane::from_fn(size, |x, y| fit(x, y) && (response.at(x, y) / STEP).abs() <= STEPS_MAX);
     }
-    let steps = |x: usize, y: usize| match (there(x, y), good.at(x, y)) {
+    let steps = |x: usize, y: usize| match (own(x, y), good.at(x, y)) {
         (false, _) => None,
         (true, true) => Some((response.at(x, y) / STEP).round() as i8),
         (true, false) if !is_measured(x, y) && dark.at(x, y).abs() <= hot => Some(0),
@@ -139,9 +138,9 @@ fn fit_channel(
 }
 
 /// Largest deviation of a good site in the dark, counts.
-fn hot_above(size: Size, dark: &Plane, there: &dyn Fn(usize, usize) -> bool) -> f32 {
+fn hot_above(size: Size, dark: &Plane, own: &dyn Fn(usize, usize) -> bool) -> f32 {
     let mut off: Vec<f32> = (0..size.area())
-        .filter(|n| there(n % size.width, n / size.width))
+        .filter(|n| own(n % size.width, n / size.width))
         .map(|n| dark.data()[n].abs())
         .collect();
     if off.is_empty() {
@@ -253,7 +252,7 @@ mod tests {
         let mut dark = normal(3).map(|v: f32| 0.3 * v);
         dark.set(40, 31, 12.0);
         ratio.set(71, 50, 0.1);
-        ratio.set(3, 80, f32::NAN);
+        ratio.set(3, 80, 1.3);
         let share = all(&Plane::filled(SIZE, 1.0));
         for mosaic in [None, Some(Mosaic::Grbg)] {
             let (ratio, dark) = (all(&ratio), all(&dark));

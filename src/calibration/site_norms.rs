@@ -1,6 +1,5 @@
 //! Norms of the measured lens at the sites of colour filters.
 
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::deconvolution::lens_model::LensModel;
@@ -25,11 +24,11 @@ impl SiteNorms {
     /// Computes the norms of `model` for `levels` wavelet levels. All Bayer mosaics have the same
     /// norms.
     pub fn of(model: &LensModel, levels: usize) -> SiteNorms {
-        let at_sites = |&c: &Channel| LevelNorms::at_sites(model, c, Mosaic::Rggb, levels, ROUNDS);
-        let measured: Vec<(LevelNorms, f32)> = Channel::ALL.par_iter().map(at_sites).collect();
+        let at_sites = |c| LevelNorms::at_sites(model, c, Mosaic::Rggb, levels, ROUNDS);
+        let measured = Channel::each(at_sites);
         SiteNorms {
-            norm_squared: Channel::ALL.map(|c| measured[c.index()].1),
-            level_norms: Channel::ALL.map(|c| measured[c.index()].0.clone()),
+            norm_squared: measured.each_ref().map(|(_, norm)| *norm),
+            level_norms: measured.map(|(norms, _)| norms),
         }
     }
 

@@ -19,6 +19,14 @@ impl Channel {
     /// All channels in storage order.
     pub const ALL: [Channel; 3] = [Channel::Red, Channel::Green, Channel::Blue];
 
+    /// Results of `compute` for the channels, in parallel.
+    pub fn each<T: Send>(compute: impl Fn(Channel) -> T + Sync) -> [T; 3] {
+        let [red, green, blue] = Channel::ALL;
+        let two = || rayon::join(|| compute(green), || compute(blue));
+        let (red, (green, blue)) = rayon::join(|| compute(red), two);
+        [red, green, blue]
+    }
+
     /// Index in storage order, 0..3.
     pub const fn index(self) -> usize {
         self as usize

@@ -2,8 +2,6 @@
 
 use std::sync::Arc;
 
-use rayon::prelude::*;
-
 use super::board::{self, Board};
 use super::series::{
     BROAD_PATTERNS, GREY, Patterns, Series, on_grey, pattern, random, shoot, squares,
@@ -11,7 +9,7 @@ use super::series::{
 use super::session::{Session, difference};
 use super::{CalibrateError, judge, motion, photometric};
 use crate::calibration::lens_blur::{self, FunctionFit, FunctionGrid, LensBlurError};
-use crate::calibration::{Calibration, Corrected, Correction, noise};
+use crate::calibration::{Calibration, Correction, noise};
 use crate::config;
 use crate::deconvolution::data_term::TRUSTED;
 use crate::deconvolution::forward_convolution::Seen;
@@ -192,16 +190,16 @@ fn fitted(
     rounds: usize,
 ) -> Result<LensFunctions, CalibrateError> {
     let (shots, trusted) = (Arc::clone(&series.shots), Arc::clone(&series.trusted));
-    let fit = move |&c: &Channel| {
+    let fit = move |c: Channel| {
         FunctionFit::new(grid, trusted.plane(c))?.taps(c, &shots[c.index()], rounds)
     };
-    let fits = move || Channel::ALL.par_iter().map(fit).collect::<Result<Vec<_>, LensBlurError>>();
-    let mut taps = session.computed(fits)?.map_err(CalibrateError::Lens)?.into_iter();
+    let fits = session.computed(move || Channel::each(fit))?;
+    let [red, green, blue] = fits.map(|taps| taps.map_err(CalibrateError::Lens));
     Ok(LensFunctions {
         rows: grid.rows,
         columns: grid.columns,
         support_px: grid.support_px,
-        taps: std::array::from_fn(|_| taps.next().unwrap_or_default()),
+        taps: [red?, green?, blue?],
     })
 }
 
@@ -264,7 +262,7 @@ fn measure_operator_error(
     model: &LensModel,
 ) -> Result<(), CalibrateError> {
     let chart = chart(session);
-    let Corrected { light, trusted } = session.seen(correction, &chart)?;
+    let Seen { light, trusted } = session.seen(correction, &chart)?;
     let mut seen = Seen { light, trusted };
     let margin = calibration.margin_px;
     let place = Rect { x: margin, y: margin, size: calibration.photo };

@@ -6,8 +6,9 @@ use super::CalibrateError;
 use super::motion::{self, PanelPlace};
 use super::session::{Session, difference, rim_px, trust_both};
 use crate::calibration::lens_blur::{self, Shot};
-use crate::calibration::{Corrected, Correction, dark_corner};
+use crate::calibration::{Correction, dark_corner};
 use crate::deconvolution::data_term::TRUSTED;
+use crate::deconvolution::forward_convolution::Seen;
 use crate::deconvolution::lens_model::LensModel;
 use crate::deconvolution::panel_beat::{PanelBeat, SeenChannel};
 use crate::deconvolution::registration::{Comparison, Registration};
@@ -216,7 +217,7 @@ impl Series<'_> {
 
 /// Removes the noise of a capture of grey by a smooth surface. Where the panel ends with the canvas
 /// grey falls off at the border and stays as captured.
-fn smooth_grey(session: &Session<'_>, grey: &Corrected) -> Result<Frame<Work>, CalibrateError> {
+fn smooth_grey(session: &Session<'_>, grey: &Seen) -> Result<Frame<Work>, CalibrateError> {
     let mut flat = grey.light.clone();
     if rim_px(session.config) > 0 {
         return Ok(flat);
@@ -225,9 +226,7 @@ fn smooth_grey(session: &Session<'_>, grey: &Corrected) -> Result<Frame<Work>, C
     for plane in flat.planes_mut() {
         let surface = dark_corner::smooth(plane, (margin, margin), session.layout.domain(), 0)
             .map_err(|source| CalibrateError::Fit { step: "grey", source })?;
-        for y in 0..plane.height() {
-            surface.row(y as f64 - margin as f64, -(margin as f64), 1.0, plane.row_mut(y));
-        }
+        *plane = session.layout.on_canvas(&surface);
     }
     Ok(flat)
 }
@@ -238,7 +237,7 @@ fn smooth_grey(session: &Session<'_>, grey: &Corrected) -> Result<Frame<Work>, C
 fn remove_beat(
     session: &Session<'_>,
     correction: &Correction,
-    seen: &mut Corrected,
+    seen: &mut Seen,
     shown: &Frame<Work>,
 ) {
     let layout = correction.layout();
@@ -265,7 +264,7 @@ fn remove_beat(
 
 /// Gain of the capture of grey in each channel against the calibrated brightness; a backlight's
 /// flicker would otherwise count as light lost by patterns. 1 where the panel ends with the canvas.
-fn grey_scale(session: &Session<'_>, grey: &Corrected, flat: &Frame<Work>) -> [f32; 3] {
+fn grey_scale(session: &Session<'_>, grey: &Seen, flat: &Frame<Work>) -> [f32; 3] {
     if rim_px(session.config) > 0 {
         return [1.0; 3];
     }
@@ -287,7 +286,7 @@ fn grey_scale(session: &Session<'_>, grey: &Corrected, flat: &Frame<Work>) -> [f
 /// keeps its sum. 1 where the panel ends with the canvas, as light is lost there.
 fn pattern_gain(
     session: &Session<'_>,
-    seen: &Corrected,
+    seen: &Seen,
     shown: &Frame<Work>,
     flat: &Frame<Work>,
 ) -> f32 {

@@ -7,9 +7,11 @@ use std::time::Duration;
 
 use super::CalibrateError;
 use crate::calibration::surface::Surface;
-use crate::calibration::{CameraCurve, Corrected, Correction, Layout, dark_corner};
+use crate::calibration::{CameraCurve, Correction, Layout, dark_corner};
 use crate::config;
+use crate::deconvolution::forward_convolution::Seen;
 use crate::frame::{Channel, Codes, Counts, Frame, Plane, SensorSpace, Work};
+use crate::rig::RigError;
 use crate::rig::exposure::Devices;
 
 /// Interval of checking for cancellation during a computation.
@@ -40,9 +42,7 @@ pub(super) struct Session<'a> {
     pub(super) curve: CameraCurve,
     watch: &'a mut dyn FnMut(CalibrationProgress) -> ControlFlow<()>,
     given_up: bool,
-    step: &'static str,
-    captures: u32,
-    total: u32,
+    progress: CalibrationProgress,
 }
 
 impl<'a> Session<'a> {
@@ -59,21 +59,18 @@ impl<'a> Session<'a> {
             curve: CameraCurve::straight(),
             watch,
             given_up: false,
-            step: "begin",
-            captures: 0,
-            total,
+            progress: CalibrationProgress { step: "begin", captures: 0, total },
         }
     }
 
     /// Begins a step.
     pub(super) fn step(&mut self, step: &'static str) {
-        self.step = step;
+        self.progress.step = step;
         self.report();
     }
 
     fn report(&mut self) {
-        let Session { step, captures, total, .. } = *self;
-        self.given_up |= (self.watch)(CalibrationProgress { step, captures, total }).is_break();
+        self.given_up |= (self.watch)(self.progress).is_break();
     }
 
     /// Reports progress.
@@ -105,23 +102,28 @@ impl<'a> Session<'a> {
 
     /// Captures so far.
     pub(super) fn captures(&self) -> u32 {
-        self.captures
+        self.progress.captures
+    }
+
+    /// An error of the rig in this step.
+    fn failed(&self) -> impl Fn(RigError) -> CalibrateError + use<> {
+        let step = self.progress.step;
+        move |source| CalibrateError::Rig { step, source }
     }
 
     /// Captures `codes`.
     pub(super) fn raw(&mut self, codes: &Codes) -> Result<Counts, CalibrateError> {
-        let step = self.step;
-        let exposed =
-            self.rig.capture(codes).map_err(|source| CalibrateError::Rig { step, source })?;
-        self.captures += 1;
+        let failed = self.failed();
+        let exposed = self.rig.capture(codes).map_err(failed)?;
+        self.progress.captures += 1;
         self.go_on()?;
         Ok(exposed.counts)
     }
 
     /// Sets the exposure to `times` that of the rig file; false if it cannot be set.
     pub(super) fn expose_times(&mut self, times: f64) -> Result<bool, CalibrateError> {
-        let step = self.step;
-        self.rig.expose_times(times).map_err(|source| CalibrateError::Rig { step, source })
+        let failed = self.failed();
+        self.rig.expose_times(times).map_err(failed)
     }
 
     /// Captures `codes` as often as the rig file asks, averaged and linearised.
@@ -152,14 +154,13 @@ impl<'a> Session<'a> {
         let mut sums: Frame<SensorSpace, u32> =
             Frame::from_planes(first.into_planes().map(|p| p.map(u32::from)));
         for _ in 1..exposures {
-            let step = self.step;
-            let more =
-                self.rig.expose().map_err(|source| CalibrateError::Rig { step, source })?.counts;
+            let failed = self.failed();
+            let more = self.rig.expose().map_err(failed)?.counts;
             for (sum, more) in sums.planes_mut().iter_mut().zip(more.planes()) {
                 sum.data_mut().iter_mut().zip(more.data()).for_each(|(s, &c)| *s += u32::from(c));
             }
             self.rig.camera.give_back(more);
-            self.captures += 1;
+            self.progress.captures += 1;
             self.go_on()?;
         }
         let share = 1.0 / exposures.max(1) as f32;
@@ -173,7 +174,7 @@ impl<'a> Session<'a> {
         &mut self,
         correction: &Correction,
         picture: &Frame<Work>,
-    ) -> Result<Corrected, CalibrateError> {
+    ) -> Result<Seen, CalibrateError> {
         let codes = correction.show(picture);
         let times = self.config.calibration.captures_averaged.max(1);
         let mut sum = correction.see(&self.raw(&codes)?);

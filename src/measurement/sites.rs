@@ -3,8 +3,8 @@
 use super::CalibrateError;
 use super::session::{Session, difference, rim_px, smooth};
 use crate::calibration::response_pattern::{EvenlyLit, ResponsePattern};
-use crate::calibration::{Calibration, Layout, dark_corner};
-use crate::frame::{Channel, Frame, Plane, Rect, SensorSpace, Work};
+use crate::calibration::{Calibration, dark_corner};
+use crate::frame::{Channel, Frame, Plane, Rect, SensorSpace};
 use crate::patterns;
 
 /// Exposures of black: enough to separate hot sites from noise.
@@ -45,47 +45,31 @@ pub(super) fn pattern(
     Flats { dark, light }: &Flats,
 ) -> Result<(), CalibrateError> {
     let layout = session.layout;
+    let canvas = layout.canvas_on_sensor();
     let rim = rim_px(session.config);
     let photo = Rect { x: 0, y: 0, size: calibration.photo };
-    let (mut ratios, mut shares, mut darks) = (Vec::new(), Vec::new(), Vec::new());
+    let [mut ratios, mut shares, mut darks] = [(); 3].map(|()| Frame::zeros(canvas.size));
     for c in Channel::ALL {
         let over = difference(light.plane(c), dark.plane(c));
         let surface = smooth(&over, &layout, rim, "response pattern")?;
         let (share, counts) = dark_corner::normalised(&surface, photo);
-        let (over, share) = (on_canvas(&over, &layout), layout.on_canvas(&share));
+        let (over, share) = (over.crop(canvas), layout.on_canvas(&share));
         let ratio = Plane::from_fn(layout.canvas(), |x, y| {
             over.at(x, y) / (share.at(x, y) * counts as f32)
         });
-        ratios.push(ratio);
-        shares.push(share);
+        *ratios.plane_mut(c) = ratio;
+        *shares.plane_mut(c) = share;
         let smooth_dark = layout.on_canvas(&calibration.black[c.index()]);
-        darks.push(difference(&on_canvas(dark.plane(c), &layout), &smooth_dark));
+        *darks.plane_mut(c) = difference(&dark.plane(c).crop(canvas), &smooth_dark);
     }
     let seen = EvenlyLit {
-        ratio: &frame(ratios, &layout),
-        share: &frame(shares, &layout),
+        ratio: &ratios,
+        share: &shares,
         panel: &layout.panel_columns(&calibration.geometry),
-        dark: &frame(darks, &layout),
+        dark: &darks,
         mosaic: layout.canvas_mosaic(),
         rim_px: rim,
     };
     calibration.pattern = ResponsePattern::fit(&seen).map_err(CalibrateError::BadSites)?;
     Ok(())
-}
-
-/// The canvas's part of a sensor-sized plane; NaN beyond the sensor.
-fn on_canvas(plane: &Plane, layout: &Layout) -> Plane {
-    let at = |to: usize, first: usize, end: usize| {
-        (first + to).checked_sub(layout.margin_px).filter(|&v| v < end)
-    };
-    Plane::from_fn(layout.canvas(), |x, y| {
-        let place =
-            at(x, layout.photo_x_px, plane.width()).zip(at(y, layout.photo_y_px, plane.height()));
-        place.map_or(f32::NAN, |(x, y)| plane.at(x, y))
-    })
-}
-
-fn frame(planes: Vec<Plane>, layout: &Layout) -> Frame<Work> {
-    let mut planes = planes.into_iter();
-    Frame::from_fn(|_| planes.next().unwrap_or_else(|| Plane::zeros(layout.canvas())))
 }

@@ -93,23 +93,6 @@ fn saturated_pixels_are_not_trusted_in_any_channel() {
 }
 
 #[test]
-fn canvas_beyond_the_sensor_is_not_trusted() {
-    let smaller = Layout { sensor: Size::new(42, 33), photo_x_px: 1, photo_y_px: 2, ..layout() };
-    let correction = Correction::new(&calibration(), smaller).unwrap();
-    let seen = correction.see(&Counts::filled(smaller.sensor, 300));
-    let trusted = seen.trusted.plane(Channel::Green);
-    assert_eq!(
-        [trusted.at(2, 10), trusted.at(3, 10), trusted.at(44, 10), trusted.at(45, 10)],
-        [0, 1, 1, 0]
-    );
-    assert_eq!(
-        [trusted.at(10, 1), trusted.at(10, 2), trusted.at(10, 34), trusted.at(10, 35)],
-        [0, 1, 1, 0]
-    );
-    assert!(seen.light.plane(Channel::Green).at(2, 10).abs() < 1e-9);
-}
-
-#[test]
 fn a_calibration_of_another_size_is_refused() {
     let other = Layout { margin_px: 5, ..layout() };
     let refused = Correction::new(&calibration(), other).map(|_| ()).unwrap_err().to_string();

@@ -6,8 +6,6 @@
 
 use std::sync::Arc;
 
-use rayon::prelude::*;
-
 use crate::deconvolution::forward_convolution::{ForwardConvolution, Seen};
 use crate::deconvolution::lens_model::LensModel;
 use crate::frame::{Channel, FULL_SCALE, Frame, Plane, Size, Work};
@@ -27,7 +25,7 @@ impl OpticsAtFocus<'_> {
     /// Converts the capture `seen` of `shown` to the photo's focus.
     fn refocus(&self, shown: &Frame<Work>, mut seen: Seen) -> Seen {
         let (photo, panel) = (&self.photo, &self.panel);
-        let difference = |&c: &Channel| {
+        let difference = |c: Channel| {
             let plane = shown.plane(c);
             let mut more = Plane::zeros(plane.size());
             // Channels that are not shown are zero.
@@ -40,9 +38,8 @@ impl OpticsAtFocus<'_> {
             }
             more
         };
-        let more: Vec<Plane> = Channel::ALL.par_iter().map(difference).collect();
-        for (light, more) in seen.light.planes_mut().iter_mut().zip(&more) {
-            light.add_scaled(1.0, more);
+        for (light, more) in seen.light.planes_mut().iter_mut().zip(Channel::each(difference)) {
+            light.add_scaled(1.0, &more);
         }
         seen
     }
