@@ -2,6 +2,7 @@
 
 #[cfg(feature = "genicam")]
 pub mod genicam;
+mod memory;
 pub mod v4l2;
 
 use self::v4l2::{CameraSettings, V4l2Camera};

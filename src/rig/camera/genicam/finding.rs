@@ -12,6 +12,7 @@ use aravis_sys as sys;
 use super::usb::refuse_forbidden;
 use crate::config::GenicamDevice;
 use crate::rig::RigError;
+use crate::rig::camera::memory::gone;
 
 /// A camera that answers.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -89,15 +90,6 @@ pub fn describe(text: &mut impl Write) -> std::fmt::Result {
         writeln!(text, "genicam: {vendor:?} {model:?} by {protocol}")?;
     }
     Ok(())
-}
-
-pub(super) fn gone(what: String) -> RigError {
-    RigError::Gone { device: "camera", what }
-}
-
-/// Error of a camera between its loss and a successful reopening.
-pub(super) fn not_open() -> RigError {
-    gone("it was lost and is not open".to_owned())
 }
 
 pub(super) fn refused(found: String, allowed: &str) -> RigError {

@@ -15,10 +15,11 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use aravis::prelude::*;
 use aravis::{Buffer, BufferPayloadType, BufferStatus, Device, Stream};
 pub use finding::describe;
-use finding::{choose, failed, gone, list, not_open, refused};
+use finding::{choose, failed, list, refused};
 
+use super::memory::{FrameMemory, gone, not_open};
 use crate::config::{CameraTable, ExposureBy, FeatureValue, GenicamDevice};
-use crate::frame::{Counts, Plane, Size};
+use crate::frame::{Counts, Size};
 use crate::rig::monotonic::Monotonic;
 use crate::rig::pixel_format::PixelFormat;
 use crate::rig::stamps::{StampedBy, earliest_start};
@@ -76,9 +77,7 @@ pub struct GenicamCamera {
     open: Option<Open>,
     /// Exposure as a multiple of the settings'.
     exposure_times: f64,
-    /// Memory for frames and Bayer sites, reused by captures.
-    spare: heapless::Vec<Counts, 4>,
-    sites: Plane<u16>,
+    memory: FrameMemory,
 }
 
 /// An open camera. Dropping it stops the stream.
@@ -106,9 +105,8 @@ impl GenicamCamera {
     /// it, [`RigError::Refused`] if it refuses the format or a feature.
     pub fn open(settings: GenicamSettings) -> Result<Self, RigError> {
         let open = Some(start(&settings)?);
-        let sites = Plane::zeros(settings.size);
-        let spare = heapless::Vec::new();
-        Ok(GenicamCamera { settings, open, exposure_times: 1.0, spare, sites })
+        let memory = FrameMemory::new(settings.size);
+        Ok(GenicamCamera { settings, open, exposure_times: 1.0, memory })
     }
 
     /// Unpacks `buffer`; the fault of a frame that is no picture of the rig's format and size.
@@ -133,10 +131,10 @@ impl GenicamCamera {
             return Err(format!("pixel format {:#010x} instead of {}", found.raw(), device.format));
         }
         let padding = usize::try_from(buffer.image_padding().0).unwrap_or_default();
-        let mut counts = self.spare.pop().unwrap_or_else(|| Counts::zeros(*size));
+        let mut counts = self.memory.take();
         let stride_bytes = format.row_bytes(size.width) + padding;
         let outcome =
-            format.unpack(&buffer.image_data(), stride_bytes, &mut counts, &mut self.sites);
+            format.unpack(&buffer.image_data(), stride_bytes, &mut counts, &mut self.memory.sites);
         match outcome {
             Ok(()) => Ok(counts),
             Err(bad) => {
@@ -209,10 +207,7 @@ impl Camera for GenicamCamera {
     }
 
     fn give_back(&mut self, counts: Counts) {
-        if counts.size() == self.settings.size {
-            // Surplus memory is freed.
-            let _ = self.spare.push(counts);
-        }
+        self.memory.give_back(counts);
     }
 
     fn expose_times(&mut self, times: f64) -> Result<bool, RigError> {

@@ -8,6 +8,7 @@ pub(super) use super::tests::kernel::root;
 use super::kernel::Node;
 use crate::config::MediaGraph;
 use crate::rig::RigError;
+use crate::rig::camera::memory::gone;
 
 /// Video nodes searched for a card name.
 const NODES_MAX: usize = 64;
@@ -27,15 +28,6 @@ pub enum CameraName {
 #[cfg(not(test))]
 pub(super) fn root() -> PathBuf {
     PathBuf::from("/")
-}
-
-pub(super) fn gone(what: String) -> RigError {
-    RigError::Gone { device: "camera", what }
-}
-
-/// Error of a camera between its loss and a successful reopening.
-pub(super) fn not_open() -> RigError {
-    gone("it was lost and is not open".to_owned())
 }
 
 /// Error of a video node; EBUSY means that another program streams from it.

@@ -18,13 +18,14 @@ use controls::{
 };
 pub use describe::describe;
 pub use finding::CameraName;
-use finding::{busy_or, by_card, by_link, gone, not_open};
+use finding::{busy_or, by_card, by_link};
 use kernel::{Node, Settled};
 use ring::Ring;
 use rustix::io::Errno;
 
+use super::memory::{FrameMemory, gone, not_open};
 use crate::config::{CameraTable, Stamps, TriggerDevice, V4l2Device};
-use crate::frame::{Counts, Plane, Size};
+use crate::frame::{Counts, Size};
 use crate::picture::worker::Worker;
 use crate::rig::monotonic::Monotonic;
 use crate::rig::pixel_format::PixelFormat;
@@ -111,14 +112,9 @@ pub struct V4l2Camera {
     opened: Opened,
     /// Exposure as a multiple of the settings'.
     exposure_times: f64,
-    /// Memory for frames and Bayer sites, reused by captures.
-    spare: heapless::Vec<Counts, 4>,
-    sites: Plane<u16>,
+    memory: FrameMemory,
     /// Decoder of JPEG frames in another process.
     decoder: Worker,
-    /// Damaged and missing frames so far.
-    lost: u64,
-    last_sequence: Option<u32>,
 }
 
 /// Properties of an open camera.
@@ -139,23 +135,15 @@ impl V4l2Camera {
     /// it, [`RigError::Refused`] if it refuses the format or a control.
     pub fn open(settings: CameraSettings) -> Result<Self, RigError> {
         let (ring, opened) = start(&settings)?;
-        let sites = Plane::zeros(settings.size);
+        let memory = FrameMemory::new(settings.size);
         Ok(V4l2Camera {
             settings,
             ring: Some(ring),
             opened,
             exposure_times: 1.0,
-            spare: heapless::Vec::new(),
-            sites,
+            memory,
             decoder: Worker::of_this_program(),
-            lost: 0,
-            last_sequence: None,
         })
-    }
-
-    /// Damaged and missing frames since the camera was first opened.
-    pub fn lost(&self) -> u64 {
-        self.lost
     }
 }
 
@@ -178,13 +166,7 @@ impl Camera for V4l2Camera {
                     return Err(gone(cause.to_string()));
                 }
             };
-            let jumped = self
-                .last_sequence
-                .map_or(0, |last| filled.sequence.wrapping_sub(last).wrapping_sub(1));
-            // A counter that goes backwards was restarted.
-            self.lost += u64::from(if jumped < u32::MAX / 2 { jumped } else { 0 });
-            self.last_sequence = Some(filled.sequence);
-            let mut counts = self.spare.pop().unwrap_or_else(|| Counts::zeros(self.settings.size));
+            let mut counts = self.memory.take();
             let bytes = ring.bytes(&filled);
             let is_complete = !filled.damaged
                 && !ring.is_torn(&filled)
@@ -193,7 +175,9 @@ impl Camera for V4l2Camera {
                     PixelFormat::Jpeg => decode(&mut self.decoder, bytes, &mut counts),
                     format => {
                         let stride_bytes = self.opened.stride_bytes;
-                        format.unpack(bytes, stride_bytes, &mut counts, &mut self.sites).is_ok()
+                        format
+                            .unpack(bytes, stride_bytes, &mut counts, &mut self.memory.sites)
+                            .is_ok()
                     }
                 };
             let stamp = filled.at_s.unwrap_or_else(|| Monotonic.now().0);
@@ -212,8 +196,7 @@ impl Camera for V4l2Camera {
             if is_complete {
                 return Ok(Exposed { counts, sequence, at });
             }
-            self.lost += 1;
-            let _ = self.spare.push(counts);
+            self.memory.give_back(counts);
             // Damaged frames may come without end.
             let waited_ms = (Monotonic.now().0 - began.0) * 1e3;
             if Monotonic.now() > deadline {
@@ -223,10 +206,7 @@ impl Camera for V4l2Camera {
     }
 
     fn give_back(&mut self, counts: Counts) {
-        if counts.size() == self.settings.size {
-            // Surplus memory is freed.
-            let _ = self.spare.push(counts);
-        }
+        self.memory.give_back(counts);
     }
 
     fn expose_times(&mut self, times: f64) -> Result<bool, RigError> {
@@ -242,7 +222,6 @@ impl Camera for V4l2Camera {
         let is_set = expose(node, &node.controls(), exposure, times)?;
         if restarts {
             ring.resume().map_err(|cause| gone(cause.to_string()))?;
-            self.last_sequence = None;
         }
         if is_set {
             self.exposure_times = times;
@@ -261,7 +240,6 @@ impl Camera for V4l2Camera {
 
     fn reopen(&mut self) -> Result<(), RigError> {
         self.ring = None;
-        self.last_sequence = None;
         let (ring, opened) = start(&self.settings)?;
         (self.ring, self.opened, self.exposure_times) = (Some(ring), opened, 1.0);
         Ok(())

@@ -11,7 +11,7 @@ use fake::{
 
 use super::*;
 use crate::config::Stamps;
-use crate::frame::Codes;
+use crate::frame::{Codes, Plane};
 use crate::rig::exposure::{Devices, Timing};
 use crate::rig::{Flip, Panel, Trigger};
 

@@ -12,8 +12,9 @@ use self::graph::{Entity, Graph, Way, refused};
 use self::kernel::{ENABLED, MediaDevice, PadSetting, link_end, pad_format, set_pad_format, wish};
 use super::controls::settle_orientation;
 use super::describe::describe_controls;
-use super::finding::{busy_or, gone, root};
+use super::finding::{busy_or, root};
 use super::kernel::Node;
+use crate::rig::camera::memory::gone;
 
 use crate::config::{MediaGraph, MediaLink, PadFormat, bus_format, bus_format_name};
 use crate::frame::Size;

@@ -1,0 +1,36 @@
+//! Memory of cameras for frames, and errors of cameras that are gone.
+
+use crate::frame::{Counts, Plane, Size};
+use crate::rig::RigError;
+
+pub(super) fn gone(what: String) -> RigError {
+    RigError::Gone { device: "camera", what }
+}
+
+/// Error of a camera between its loss and a successful reopening.
+pub(super) fn not_open() -> RigError {
+    gone("it was lost and is not open".to_owned())
+}
+
+/// Memory for frames and Bayer sites, reused by captures.
+pub(super) struct FrameMemory {
+    spare: heapless::Vec<Counts, 4>,
+    pub(super) sites: Plane<u16>,
+}
+
+impl FrameMemory {
+    pub(super) fn new(size: Size) -> FrameMemory {
+        FrameMemory { spare: heapless::Vec::new(), sites: Plane::zeros(size) }
+    }
+
+    pub(super) fn take(&mut self) -> Counts {
+        self.spare.pop().unwrap_or_else(|| Counts::zeros(self.sites.size()))
+    }
+
+    pub(super) fn give_back(&mut self, counts: Counts) {
+        if counts.size() == self.sites.size() {
+            // Surplus memory is freed.
+            let _ = self.spare.push(counts);
+        }
+    }
+}
