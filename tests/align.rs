@@ -79,7 +79,7 @@ impl Builder {
             Action::Expose(exposure_ms) => {
                 self.white_share *= exposure_ms / self.exposure_ms;
                 self.exposure_ms = exposure_ms;
-                self.witness.set_white_share(self.white_share);
+                self.witness.change_sensor(|sensor| sensor.white_share = self.white_share);
                 return;
             }
             Action::Focus(turn) => {

@@ -236,7 +236,7 @@ fn captures_of_a_panel_that_dimmed_do_not_make_the_picture_brighter() {
     let mut bed = Bed::new();
     let photo = bed.photo_of(&bed.coffee());
     let simulation = bed.config.simulation().unwrap();
-    bed.witness.set_white_share(0.8 * simulation.sensor.white_share);
+    bed.witness.change_sensor(|sensor| sensor.white_share = 0.8 * simulation.sensor.white_share);
     let outcome = bed.restore(&photo, &*method(&bed.config, Named::Hybrid));
     assert_eq!(outcome.verdict, Verdict::Replaced, "{}", outcome.reason);
     assert!(outcome.reason.starts_with("the brightness of the result"), "{}", outcome.reason);

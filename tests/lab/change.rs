@@ -219,7 +219,9 @@ pub(crate) static SWEPT: [Swept; 21] = [
         "grey levels",
         |_| [0.0, 1.0, 2.0, 4.0, 8.0],
         To::Captures(|witness, simulation, levels| {
-            witness.set_read_noise_levels(simulation.sensor.read_noise_levels.hypot(levels));
+            witness.change_sensor(|sensor| {
+                sensor.read_noise_levels = simulation.sensor.read_noise_levels.hypot(levels);
+            });
         }),
     ),
     swept(
@@ -233,7 +235,9 @@ pub(crate) static SWEPT: [Swept; 21] = [
         "grey levels",
         |_| [0.0, 2.0, 5.0, 10.0, 20.0],
         To::Captures(|witness, simulation, levels| {
-            witness.set_ambient_levels(simulation.sensor.ambient_levels.map(|v| v + levels));
+            witness.change_sensor(|sensor| {
+                sensor.ambient_levels = simulation.sensor.ambient_levels.map(|v| v + levels);
+            });
         }),
     ),
     // A darker panel, or a slower camera.
@@ -242,7 +246,9 @@ pub(crate) static SWEPT: [Swept; 21] = [
         "% darker",
         |_| [0.0, 2.0, 5.0, 10.0, 20.0],
         To::Captures(|witness, simulation, percent| {
-            witness.set_white_share(simulation.sensor.white_share * (1.0 - percent / 100.0));
+            witness.change_sensor(|sensor| {
+                sensor.white_share = simulation.sensor.white_share * (1.0 - percent / 100.0);
+            });
         }),
     ),
     swept(

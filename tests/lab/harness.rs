@@ -139,7 +139,7 @@ impl Harness {
         let light = Frame::from_fn(|c| light.plane(c).map(|v: f32| v * times));
         let quiet = self.config().simulation().map_or(0.0, |s| s.sensor.read_noise_levels);
         if noise_levels > 0.0 {
-            camera.set_read_noise_levels(quiet.hypot(noise_levels));
+            camera.change_sensor(|sensor| sensor.read_noise_levels = quiet.hypot(noise_levels));
         }
         let as_codes = |codes: &Frame<Work, u8>| {
             TestPhoto::developed(Frame::from_fn(|c| tone.plane(c, codes.plane(c))))
@@ -150,7 +150,7 @@ impl Harness {
             None => TestPhoto::taken(camera, self.config().photo.curve, &light, seed),
         };
         if noise_levels > 0.0 {
-            camera.set_read_noise_levels(quiet);
+            camera.change_sensor(|sensor| sensor.read_noise_levels = quiet);
         }
         Ok(photo)
     }

@@ -195,8 +195,8 @@ fn score_operator(
         ("rocket", photograph(Scene::Rocket), 1.0),
     ];
     // The operator error excludes noise, which is switched off here.
-    witness.set_read_noise_levels(0.0);
-    witness.set_full_well_electrons(f64::INFINITY);
+    witness.change_sensor(|sensor| sensor.read_noise_levels = 0.0);
+    witness.change_sensor(|sensor| sensor.full_well_electrons = f64::INFINITY);
     for (name, scene, bound) in scenes {
         let errors = operator_error(config, rig, witness, calibration, scene);
         println!("{name}: operator {:.2?}, lens model alone {:.2?}", errors.operator, errors.model);
@@ -330,11 +330,11 @@ fn failure(change: impl FnOnce(&mut Witness)) -> CalibrateError {
 
 #[test]
 fn faults_of_a_rig_have_their_own_errors() {
-    let error = failure(|w| w.set_white_share(2.5));
+    let error = failure(|w| w.change_sensor(|sensor| sensor.white_share = 2.5));
     assert!(matches!(error, CalibrateError::OverExposed { .. }), "{error}");
-    let error = failure(|w| w.set_white_share(0.05));
+    let error = failure(|w| w.change_sensor(|sensor| sensor.white_share = 0.05));
     assert!(matches!(error, CalibrateError::TooDark { .. }), "{error}");
-    let error = failure(|w| w.set_white_share(0.0));
+    let error = failure(|w| w.change_sensor(|sensor| sensor.white_share = 0.0));
     assert!(matches!(error, CalibrateError::NotInView { .. }), "{error}");
     let error = failure(|w| w.knock_panel(140.0, 0.0));
     assert!(matches!(error, CalibrateError::NotInView { .. }), "{error}");

@@ -42,8 +42,12 @@ impl Cameras {
     /// A raw photo by the `n`-th camera with `power` times its noise power, in linear light.
     fn sites(&self, n: usize, scene: &Frame<Work>, seed: u64, power: f32) -> (Mosaic, Plane) {
         let witness = &self.behind[n].1;
-        witness.set_full_well_electrons(self.full_well_electrons / f64::from(power));
-        witness.set_read_noise_levels(self.read_noise_levels * f64::from(power).sqrt());
+        witness.change_sensor(|sensor| {
+            sensor.full_well_electrons = self.full_well_electrons / f64::from(power);
+        });
+        witness.change_sensor(|sensor| {
+            sensor.read_noise_levels = self.read_noise_levels * f64::from(power).sqrt();
+        });
         let raw = witness.photograph_raw(scene, seed).unwrap();
         let (black, gain) = (witness.black_level_counts(), witness.counts_per_level());
         let light = raw.sites.map(|count| ((f64::from(count) - black) / gain) as f32);

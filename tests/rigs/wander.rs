@@ -32,8 +32,8 @@ fn unquiet(file: &str, seed: u64, wander_px: f64) -> RigFile {
 fn error_at_rest(rig: &RigFile, calibration: &Calibration) -> [f32; 3] {
     let (mut devices, witness) = simulated::open(rig).unwrap();
     witness.set_unrest(Unrest::default());
-    witness.set_read_noise_levels(0.0);
-    witness.set_full_well_electrons(f64::INFINITY);
+    witness.change_sensor(|sensor| sensor.read_noise_levels = 0.0);
+    witness.change_sensor(|sensor| sensor.full_well_electrons = f64::INFINITY);
     let shown = on_canvas(rig, Scene::Coffee.light(rig.photo.size()).into_planes());
     let truth = witness.forward(&shown, Light::Panel);
     let correction = Correction::new(calibration, Layout::of(rig)).unwrap();

@@ -71,7 +71,7 @@ fn counts_behind_a_mosaic_have_the_camera_s_bits() {
             ("bits = 10", &format!("bits = {bits}")),
             ("black-level-counts = 64.0", "black-level-counts = 9.0"),
         ]);
-        witness.set_white_share(3.0);
+        witness.change_sensor(|sensor| sensor.white_share = 3.0);
         let seen = rig.capture(&grey(&config, 255)).expect("no faults").counts;
         assert!(seen.planes().iter().all(|p| p.data().iter().all(|&v| v == white)), "{bits}");
     }

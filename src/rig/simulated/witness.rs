@@ -8,7 +8,7 @@ use super::optics::{Light, Optics};
 use super::photograph::{RawPhoto, SceneLight, surrounded};
 use super::pose::PanelMap;
 use super::wear::Wear;
-use crate::config::{Curve, Faults, Pose, Prescription, Simulation, Surround, Unrest};
+use crate::config::{Curve, Faults, Pose, Prescription, SensorTable, Simulation, Surround, Unrest};
 use crate::frame::{Channel, FULL_SCALE, Frame, Plane, Rect, Size, Work};
 use crate::rig::RigError;
 use crate::rig::shoot::SiteNoise;
@@ -184,24 +184,9 @@ impl Witness {
         self.shared.bench().faults = faults;
     }
 
-    /// Sets the ambient light on the panel, per channel in grey levels.
-    pub fn set_ambient_levels(&self, levels: [f64; 3]) {
-        self.shared.bench().sensor.config.ambient_levels = levels;
-    }
-
-    /// Sets the light-independent noise of captures and photographs, in grey levels.
-    pub fn set_read_noise_levels(&self, levels: f64) {
-        self.shared.bench().sensor.config.read_noise_levels = levels;
-    }
-
-    /// Sets the electrons at the largest count; infinite for no shot noise.
-    pub fn set_full_well_electrons(&self, electrons: f64) {
-        self.shared.bench().sensor.config.full_well_electrons = electrons;
-    }
-
-    /// Sets the share of the sensor's range filled by white, as a change of exposure does.
-    pub fn set_white_share(&self, share: f64) {
-        self.shared.bench().sensor.config.white_share = share;
+    /// Changes the physics of the sensor.
+    pub fn change_sensor(&self, change: impl FnOnce(&mut SensorTable)) {
+        change(&mut self.shared.bench().sensor.config);
     }
 
     /// Sets the wear of the panel; [`Wear::default`] is a new panel.

@@ -68,7 +68,10 @@ pub(super) fn measure(rig: &RigFile) -> Result<Figure, Failure> {
     let (mut rows, mut details) = (Vec::new(), Vec::new());
     for scene in [Scene::Chart, Scene::Coffee] {
         for variance in VARIANCES {
-            stage.harness.witness.set_read_noise_levels(variance.sqrt());
+            stage
+                .harness
+                .witness
+                .change_sensor(|sensor| sensor.read_noise_levels = variance.sqrt());
             let taken = stage.take(scene)?;
             let (blurred, _) = taken.floor();
             let shows = scene == Scene::Chart && variance == PRINTED.0;

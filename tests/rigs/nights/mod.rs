@@ -76,19 +76,19 @@ fn the_pilot_measures_changes_of_the_rig() {
     witness.knock_panel(-0.4, 0.3);
 
     // Small.toml has 0.78.
-    witness.set_white_share(0.78 * 0.95);
+    witness.change_sensor(|sensor| sensor.white_share = 0.78 * 0.95);
     let darker = pilot();
     println!("darker by 5 %: {darker:?}");
     assert!((darker.gain_percent + 5.0).abs() < 0.5);
-    witness.set_white_share(0.78);
+    witness.change_sensor(|sensor| sensor.white_share = 0.78);
 
-    witness.set_ambient_levels([3.4, 3.5, 3.6]);
+    witness.change_sensor(|sensor| sensor.ambient_levels = [3.4, 3.5, 3.6]);
     let lit = pilot();
     println!("3 levels of light in the room: {lit:?}");
     assert!((lit.offset_levels - 3.0).abs() < 0.5);
-    witness.set_ambient_levels([0.4, 0.5, 0.6]);
+    witness.change_sensor(|sensor| sensor.ambient_levels = [0.4, 0.5, 0.6]);
 
-    witness.set_read_noise_levels(3.0);
+    witness.change_sensor(|sensor| sensor.read_noise_levels = 3.0);
     let noisy = pilot();
     println!("noise of 3 levels: {noisy:?}");
     assert!(noisy.noise_ratio > 2.0);
