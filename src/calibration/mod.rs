@@ -26,6 +26,7 @@ pub mod noise;
 mod norms;
 mod other_focus;
 pub mod photo_side;
+mod pitch;
 pub mod response;
 pub mod response_pattern;
 pub mod site_gains;

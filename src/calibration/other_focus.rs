@@ -42,8 +42,8 @@ pub enum FocusError {
     Offset(f32),
     /// Too many focuses are stored.
     #[error(
-        "{FOCUSES_MAX} other focuses are stored already; remove the folder `calibration` and \
-         measure anew"
+        "{FOCUSES_MAX} other focuses are stored already; `relens calibrate --forget-focuses` \
+         deletes them"
     )]
     TooMany,
     /// The functions are on another grid: number and width of the functions, and of those in the
@@ -198,7 +198,7 @@ mod tests {
         let full = (1..=FOCUSES_MAX as u32)
             .fold(calibration.clone(), |c, n| c.with_focus(0.01 * n as f32, &calibration).unwrap());
         let message = full.with_focus(-0.1, &calibration).unwrap_err().to_string();
-        assert!(message.contains("remove the folder"), "{message}");
+        assert!(message.contains("--forget-focuses"), "{message}");
         assert!(full.with_focus(0.01, &calibration).is_ok());
     }
 

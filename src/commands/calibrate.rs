@@ -53,8 +53,11 @@ pub(super) struct CalibrateOptions {
     /// Measure the lens for scenes D dioptres (1/m) nearer than the panel; farther if negative
     #[arg(long, value_name = "D", allow_hyphen_values = true, value_parser = dioptres)]
     focus_offset: Option<f32>,
-    /// Measure the lens's vignetting behind a diffuser, for remove-vignetting
+    /// Remove the measurements at other focuses, and measure nothing
     #[arg(long, conflicts_with = "focus_offset")]
+    forget_focuses: bool,
+    /// Measure the lens's vignetting behind a diffuser, for remove-vignetting
+    #[arg(long, conflicts_with_all = ["focus_offset", "forget_focuses"])]
     diffuser: bool,
 }
 
@@ -73,6 +76,11 @@ pub(super) fn run(options: &CalibrateOptions) -> Result<(), CliError> {
     rig.warnings().iter().for_each(|warning| log::warn!("{warning}"));
     let _alone = Folders::lock(&options.folder.folder)?;
     let kept = opening::calibration_folder(&options.folder.folder);
+    if options.forget_focuses {
+        let forgotten = focus::forget(rig, &kept)?;
+        say(&format!("removed {} from {}", counted(forgotten), kept.display()));
+        return Ok(());
+    }
     if options.diffuser {
         return measure_vignetting(rig, &kept);
     }
@@ -95,6 +103,14 @@ pub(super) fn run(options: &CalibrateOptions) -> Result<(), CliError> {
         say(&format!(
             "the lens scatters {red:.1}, {green:.1}, {blue:.1} % of red, green, blue beyond the \
              reach of its functions"
+        ));
+    }
+    let (by, more) = (rig.camera.binning, calibration.binning_without_loss(rig.camera.binning));
+    if more > 1 {
+        say(&format!(
+            "the lens passes hardly anything finer than {more} of these pixels: binning = {} in \
+             [camera] takes less time and memory, and costs little",
+            by * more
         ));
     }
     match rig.restore.operating_point {
@@ -154,6 +170,10 @@ fn measure_vignetting(rig: &RigFile, kept: &Path) -> Result<(), CliError> {
 fn ask(what: &str) {
     note(&format!("{what} Then press Enter."));
     let _ = std::io::stdin().read_line(&mut String::new());
+}
+
+fn counted(focuses: usize) -> String {
+    format!("{focuses} {}", if focuses == 1 { "focus" } else { "focuses" })
 }
 
 /// Chooses the operating point `wanted` by known scenes on the rig, and keeps it with the

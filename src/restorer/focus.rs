@@ -35,10 +35,30 @@ pub fn measure(
     before.check_offset(offset)?;
     let measured = calibrate(devices, config, None, &mut watch(calibrating, None))?;
     let after = before.with_focus(offset, &measured)?;
-    store::save(slots, &after)?;
-    // The panel has not moved, so the baseline of drift is carried over.
+    keep(slots, &before, &after)?;
+    Ok(after)
+}
+
+/// Removes the measurements at other focuses, and returns their number.
+///
+/// # Errors
+/// When there is no calibration, or the rest cannot be kept.
+pub fn forget(config: &config::RigFile, slots: &Path) -> Result<usize, AnyFailure> {
+    let before = store::load(slots, config.identity)?;
+    let forgotten = before.focuses.len();
+    if forgotten > 0 {
+        let generation = before.generation.wrapping_add(1);
+        let after = Calibration { focuses: Vec::new(), generation, ..before.clone() };
+        keep(slots, &before, &after)?;
+    }
+    Ok(forgotten)
+}
+
+/// Keeps `after` in `slots`. The panel has not moved, so the baseline of drift is carried over.
+fn keep(slots: &Path, before: &Calibration, after: &Calibration) -> Result<(), AnyFailure> {
+    store::save(slots, after)?;
     if let Some(reading) = baseline::load(slots, before.generation) {
         baseline::save(slots, after.generation, &reading);
     }
-    Ok(after)
+    Ok(())
 }

@@ -165,6 +165,9 @@ impl Bed {
     fn open(rig: RigFile, folder: &Path) -> Result<Bed, Failure> {
         let (mut devices, witness) = open(&rig)?;
         let calibration = calibrate(&mut devices, &rig, None, &mut to_the_end)?;
+        let by = rig.camera.binning;
+        let more = calibration.binning_without_loss(by);
+        log::info!("calibrated, binned by {by}; by {more} more nothing is lost");
         store::save(folder, &calibration)?;
         let is_replaying = Arc::new(AtomicBool::new(false));
         let idle: Box<dyn Camera + Send> = Box::new(Idle(rig.camera.size()));

@@ -233,7 +233,7 @@ fn run(folder: &Path, words: &[&str]) -> (Option<i32>, String) {
 
 #[test]
 #[ignore = "a minute: the gate runs it"]
-fn other_focuses_are_measured_and_survive_a_calibration() {
+fn other_focuses_are_measured_survive_a_calibration_and_are_deleted() {
     let folder = tempfile::tempdir().unwrap();
     let calibrate = |more: &[&str]| {
         let words = ["calibrate", "--rig", "small.toml", "--folder", "."];
@@ -253,7 +253,8 @@ fn other_focuses_are_measured_and_survive_a_calibration() {
     let (_, text) = calibrate(&["--focus-offset=0.03"]);
     assert!(text.contains("-0.040, +0.030 dioptres"), "{text}");
     assert_eq!(calibrate(&[]).0, Some(0));
-    // Those kept are listed when one is measured again.
-    let (_, text) = calibrate(&["--focus-offset=0.03"]);
-    assert!(text.contains("-0.040, +0.030 dioptres"), "{text}");
+    let (code, text) = calibrate(&["--forget-focuses"]);
+    assert!(code == Some(0) && text.contains("removed 2 focuses"), "{text}");
+    let (_, text) = calibrate(&["--forget-focuses"]);
+    assert!(text.contains("removed 0 focuses"), "{text}");
 }
