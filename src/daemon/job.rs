@@ -34,8 +34,8 @@ const GROWTH_WATCH_S: f64 = 1.0;
 #[derive(Debug)]
 #[allow(missing_docs)] // Fields are described with their variants.
 pub enum JobEnd {
-    /// The result is in the outbox.
-    Done { report: Box<Report>, delivered: Delivered },
+    /// The result is in the outbox; `original` is the photo as it was taken.
+    Done { report: Box<Report>, delivered: Delivered, original: Metadata },
     /// The photo is in `failed`.
     Failed(Failed),
     /// The photo is back in the inbox, at a path relative to it, to be tried later.
@@ -196,7 +196,8 @@ impl Job<'_> {
         let error = match result {
             Ok(report) => {
                 let delivered = photo.close(folders, &mut |step| self.watcher.step(step))?;
-                return Ok(JobEnd::Done { report: Box::new(report), delivered });
+                let original = photo.metadata;
+                return Ok(JobEnd::Done { report: Box::new(report), delivered, original });
             }
             Err(JobError::Files(error)) => return Err(error.into()),
             Err(error) => error,

@@ -14,7 +14,9 @@ use super::report::{Reporter, Snapshot};
 use super::schedule::{Event, Question, Schedule, Turn};
 use super::setting::DaemonSetting;
 use super::store::folders::Folders;
+use super::store::hints::Hints;
 use super::store::inbox::{Inbox, Patience, Ready};
+use super::store::late::LateWrites;
 use super::store::report_file::{Delivered, Failed};
 use super::store::withdraw::withdraw;
 use super::watcher::Watcher;
@@ -58,6 +60,7 @@ pub struct Daemon<'a> {
     schedule: Box<dyn Schedule + 'a>,
     inbox: Inbox,
     unsettled: Unsettled,
+    late: LateWrites,
     reporter: Reporter,
 }
 
@@ -76,8 +79,9 @@ impl<'a> Daemon<'a> {
             clocks: Clocks { clock, calendar },
             watcher,
             schedule: Box::new(()),
-            inbox: Inbox::default(),
+            inbox: Inbox::new(if setting.hints { Hints::new() } else { Hints::none() }),
             unsettled: Unsettled::default(),
+            late: LateWrites::default(),
             reporter: Reporter::open(&folders, &setting.rig, setting.needs_button)?,
             folders,
             setting,
@@ -191,7 +195,7 @@ impl<'a> Daemon<'a> {
         let mut pass = InboxPass::default();
         let turn = loop {
             if self.schedule.impatient() {
-                self.inbox.hurry();
+                self.inbox.retry_now();
             }
             let scanned = self.clocks.moment();
             let ready = self.scan(patience)?;
@@ -299,6 +303,10 @@ impl<'a> Daemon<'a> {
     fn scan(&mut self, patience: Patience) -> Result<Ready, DaemonError> {
         let now = self.clocks.moment();
         self.unsettled.settle(&self.folders)?;
+        let late = self.late.take_changed(&self.folders, now);
+        if !late.is_empty() {
+            self.withdraw(&late)?;
+        }
         Ok(self.inbox.scan(&self.folders, now, patience)?)
     }
 
@@ -371,7 +379,11 @@ impl<'a> Daemon<'a> {
             self.inbox.forget(path);
         }
         match end {
-            JobEnd::Done { report, .. } => self.reporter.add(*report),
+            JobEnd::Done { report, delivered, original } => {
+                self.reporter.add(*report);
+                let until = Moment(self.clocks.moment().0 + self.setting.unfinished_s);
+                self.late.watch(&self.folders, delivered, original, until);
+            }
             JobEnd::Failed(failed) => self.reporter.add_failed(failed),
             JobEnd::Deferred { path, failed } => self.defer(path, failed.reason, retry_s),
             JobEnd::Gone => {}
@@ -423,13 +435,13 @@ impl<'a> Daemon<'a> {
         self.reporter.set_doing(&self.folders, doing, &snapshot);
     }
 
-    /// Waits for the next scan of the inbox: until it is due, or a file will have been quiet for
-    /// long enough.
+    /// Waits for the next scan of the inbox: until it is due, a file will have been quiet for long
+    /// enough, or an event comes.
     fn wait_for_photos(&self, stop: &dyn Fn() -> bool) {
         let DaemonSetting { quiet_s, poll_s, .. } = self.setting;
         let due_s = self.inbox.due.map_or(f64::INFINITY, |due| due.0 - self.clocks.moment().0);
         let soonest_s = quiet_s.min(poll_s).min(STEP_S);
-        self.wait(poll_s.min(due_s.max(soonest_s)), stop);
+        self.wait(poll_s.min(due_s.max(soonest_s)), &|| stop() || self.inbox.has_events());
     }
 
     /// Waits in short steps, so that a stop is noticed.

@@ -19,6 +19,8 @@ pub struct DaemonSetting {
     pub quiet_s: f64,
     /// Longest time between two scans of the inbox.
     pub poll_s: f64,
+    /// Whether events of the inbox make the next scan come sooner.
+    pub hints: bool,
     /// Where photos are decoded.
     pub reader: Reader,
     /// Time without a change after which an incomplete photo is rejected.
@@ -44,6 +46,7 @@ impl DaemonSetting {
             floor_bytes: 256 << 20,
             quiet_s,
             poll_s,
+            hints: true,
             retry_s,
         }
     }

@@ -5,7 +5,7 @@ use std::fs::File;
 use std::path::Path;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
-use relens::daemon::{Daemon, Folders, Report, Summary};
+use relens::daemon::{Daemon, DaemonSetting, Folders, Report, Summary};
 use relens::picture::Format;
 
 use crate::bed::*;
@@ -21,9 +21,10 @@ fn watch(root: &Path, seconds: f64, unix_s: &Cell<i64>, world: &mut dyn FnMut(f6
         let now_s = unix_s.get() as f64 + clock.0.get();
         UNIX_EPOCH + Duration::from_secs_f64(now_s.max(0.0))
     };
+    let setting = DaemonSetting { hints: false, ..setting() };
     let folders = Folders::open(root).unwrap();
     let mut daemon =
-        Daemon::open(folders, setting(), &mut restorer, &clock, &calendar, &mut watcher).unwrap();
+        Daemon::open(folders, setting, &mut restorer, &clock, &calendar, &mut watcher).unwrap();
     let world = RefCell::new(world);
     daemon.run(&|| {
         world.borrow_mut()(clock.0.get());

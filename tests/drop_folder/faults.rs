@@ -296,7 +296,8 @@ fn live(world: &mut World, calm: bool, calendar: &Cell<u64>) -> Result<(), Strin
     let disk = world.disk.clone();
     let (clock, failures) = (TestClock::default(), RefCell::new(vec![]));
     let dates = || UNIX_EPOCH + Duration::from_secs(calendar.get());
-    let setting = DaemonSetting::new("test rig", TINY, Curve::Srgb);
+    let setting =
+        DaemonSetting { hints: false, ..DaemonSetting::new("test rig", TINY, Curve::Srgb) };
     let harm = RefCell::new(None);
     let ended = {
         let world = RefCell::new(&mut *world);

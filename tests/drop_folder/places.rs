@@ -33,7 +33,7 @@ fn watch(folders: Folders, world: &mut dyn FnMut(f64)) -> (Vec<String>, usize) {
     let clock = TestClock::default();
     let (mut restorer, mut watcher) = (Brightener::default(), Reasons::default());
     let calendar = || UNIX_EPOCH + Duration::from_secs(CALENDAR_UNIX_S);
-    let setting = DaemonSetting { floor_bytes: 0, ..setting() };
+    let setting = DaemonSetting { hints: false, floor_bytes: 0, ..setting() };
     let mut daemon =
         Daemon::open(folders, setting, &mut restorer, &clock, &calendar, &mut watcher).unwrap();
     let (world, mut asked) = (RefCell::new(world), 0);

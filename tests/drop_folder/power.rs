@@ -130,7 +130,8 @@ pub fn live_in(nights: bool, contents: Contents, skip: Option<&Label>, poisoned:
     let (mut restorer, mut watcher) = (Brightener::default(), Poison(poisoned));
     let clock = TestClock::default();
     let calendar = || UNIX_EPOCH + Duration::from_secs(CALENDAR_UNIX_S);
-    let setting = DaemonSetting::new("test rig", TINY, Curve::Srgb);
+    let setting =
+        DaemonSetting { hints: false, ..DaemonSetting::new("test rig", TINY, Curve::Srgb) };
     let lived = catch_unwind(AssertUnwindSafe(|| {
         let folders = Folders::on(Arc::new(disk.clone()), Path::new(ROOT))?;
         let times = Times { clock: &clock, calendar: &calendar, is_set: &|| true };

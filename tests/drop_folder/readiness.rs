@@ -34,6 +34,11 @@ fn watch(
     (summary, restorer.restored)
 }
 
+/// Settings without events of the inbox.
+fn without_events() -> DaemonSetting {
+    DaemonSetting { hints: false, ..setting() }
+}
+
 #[test]
 fn an_incomplete_jpeg_waits_and_is_restored_once_complete() {
     let whole = file(Format::Jpeg, 8, Size::new(256, 192));
@@ -42,7 +47,7 @@ fn an_incomplete_jpeg_waits_and_is_restored_once_complete() {
         let root = root.path();
         let length = if percent == 1000 { whole.len() - 2 } else { whole.len() * percent / 100 };
         drop_in(root, "a.jpg", &whole[..length]);
-        let (_, restored) = watch(root, 500.0, setting(), &mut |_| ());
+        let (_, restored) = watch(root, 500.0, without_events(), &mut |_| ());
         assert_eq!(restored, 0, "cut to {length} of {}", whole.len());
         assert_eq!(
             std::fs::read(root.join("inbox/a.jpg")).unwrap(),
@@ -56,7 +61,7 @@ fn an_incomplete_jpeg_waits_and_is_restored_once_complete() {
             500.0,
             DaemonSetting {
                 reading: ReadOptions::new(Size::new(64, 48), Curve::Srgb),
-                ..setting()
+                ..without_events()
             },
             &mut |_| (),
         );
@@ -81,7 +86,7 @@ fn a_copy_with_its_final_size_from_the_start_is_waited_for() {
         }
         assert!(filled == whole.len() || !root.join("done/a.jpg").exists(), "taken at {now} s");
     };
-    let (summary, restored) = watch(root, 700.0, setting(), &mut fill);
+    let (summary, restored) = watch(root, 700.0, without_events(), &mut fill);
     assert_eq!((restored, summary.failed.len(), summary.deferred.len()), (1, 0, 0), "{summary:?}");
     assert_eq!(std::fs::read(root.join("done/a.jpg")).unwrap(), whole);
 }
@@ -101,7 +106,7 @@ fn incomplete_files_of_every_format_wait_and_broken_ones_do_not() {
         tail[whole.len() / 3..].fill(0);
         for part in [&whole[..0], &whole[..whole.len() / 2], &tail[..]] {
             drop_in(root, name, part);
-            let (summary, restored) = watch(root, 100.0, setting(), &mut |_| ());
+            let (summary, restored) = watch(root, 100.0, without_events(), &mut |_| ());
             assert_eq!(
                 (restored, summary.failed.len(), summary.deferred.len()),
                 (0, 0, 1),
@@ -110,13 +115,13 @@ fn incomplete_files_of_every_format_wait_and_broken_ones_do_not() {
             assert!(summary.deferred[0].reason.contains("waiting for the rest"), "{summary:?}");
         }
         // Never complete: rejected after a quarter of an hour without a change.
-        let (summary, _) = watch(root, 1000.0, setting(), &mut |_| ());
+        let (summary, _) = watch(root, 1000.0, without_events(), &mut |_| ());
         assert_eq!((summary.failed.len(), summary.deferred.len()), (1, 0), "{name}");
         assert_eq!(std::fs::read(root.join("failed").join(name)).unwrap(), tail, "unchanged");
     }
     let root = fresh_root();
     drop_in(root.path(), "letter.jpg", b"Dear Sir or Madam");
-    let (summary, _) = watch(root.path(), 10.0, setting(), &mut |_| ());
+    let (summary, _) = watch(root.path(), 10.0, without_events(), &mut |_| ());
     assert_eq!(summary.failed.len(), 1, "nothing to wait for");
 }
 
@@ -148,7 +153,7 @@ fn once_leaves_recently_changed_incomplete_photos() {
 }
 
 #[test]
-fn photos_are_found_however_they_arrive() {
+fn photos_are_found_without_events_however_they_arrive() {
     let root = fresh_root();
     let root = root.path();
     let bytes = file(Format::Png, 8, RIG);
@@ -167,12 +172,74 @@ fn photos_are_found_however_they_arrive() {
             std::fs::rename(aside.join("holiday"), root.join("inbox/holiday")).unwrap();
         }
     };
-    let (summary, restored) = watch(root, 60.0, setting(), &mut come);
+    let (summary, restored) = watch(root, 60.0, without_events(), &mut come);
     assert_eq!(restored, 5, "{summary:?}");
     let all = ["plain.png", "moved.png", "linked.png", "holiday-1.png", "holiday-sea-1.png"];
     assert_eq!(names(&root.join("done")), set(&all));
     assert_eq!(std::fs::read(aside.join("linked.png")).unwrap(), bytes, "its other name stays");
     assert_eq!(names(&root.join("inbox")), set(&["holiday"]), "nothing is deleted");
+}
+
+#[test]
+fn events_trigger_scans_also_in_a_flood() {
+    let root = fresh_root();
+    let root = root.path();
+    let bytes = file(Format::Png, 8, RIG);
+    std::fs::create_dir_all(root.join("inbox")).unwrap();
+    let slow = DaemonSetting { poll_s: 1000.0, ..setting() };
+    let (mut came, mut taken) = (false, f64::INFINITY);
+    let mut come = |now: f64| {
+        if now > 20.0 && !came {
+            came = true;
+            for n in 0..200 {
+                std::fs::write(root.join(format!("inbox/flood-{n}.tmp")), b"").unwrap();
+            }
+            std::fs::write(root.join("inbox/a.png"), &bytes).unwrap();
+        }
+        if root.join("done/a.png").exists() {
+            taken = now.min(taken);
+        }
+    };
+    watch(root, 900.0, slow, &mut come);
+    assert!(taken < 30.0, "taken at {taken} s, quiet since 20 s");
+}
+
+#[test]
+fn a_photo_moved_in_is_restored_within_two_seconds() {
+    let root = fresh_root();
+    let root = root.path();
+    let bytes = file(Format::Png, 8, RIG);
+    std::fs::create_dir_all(root.join("aside/sea")).unwrap();
+    std::fs::create_dir_all(root.join("inbox")).unwrap();
+    // An existing folder is watched as well.
+    std::fs::create_dir_all(root.join("inbox/hills")).unwrap();
+    for name in ["a.png", "sea/b.png", "c.png"] {
+        std::fs::write(root.join("aside").join(name), &bytes).unwrap();
+    }
+    let (mut came, mut taken) = (None, f64::INFINITY);
+    let mut come = |now: f64| {
+        if now > 20.0 && came.is_none() {
+            came = Some(now);
+            for (from, to) in [("a.png", "a.png"), ("sea", "sea"), ("c.png", "hills/c.png")] {
+                std::fs::rename(root.join("aside").join(from), root.join("inbox").join(to))
+                    .unwrap();
+            }
+            // Copied: possibly incomplete.
+            std::fs::write(root.join("inbox/copied.png"), &bytes).unwrap();
+        }
+        let names = ["a.png", "sea-b.png", "hills-c.png"];
+        if names.iter().all(|name| root.join("done").join(name).exists()) {
+            taken = now.min(taken);
+        }
+        assert!(
+            now > 25.0 || !root.join("done/copied.png").exists(),
+            "a copy must settle, restored at {now} s"
+        );
+    };
+    let (summary, restored) = watch(root, 60.0, setting(), &mut come);
+    let came = came.unwrap();
+    assert_eq!(restored, 4, "{summary:?}");
+    assert!(taken <= came + 2.0, "moved at {came} s, done at {taken} s");
 }
 
 #[test]
@@ -195,7 +262,7 @@ fn a_new_inbox_is_found_within_five_seconds() {
             seen = now.min(seen);
         }
     };
-    watch(root, 200.0, setting(), &mut come);
+    watch(root, 200.0, without_events(), &mut come);
     let made = made.unwrap();
     assert!(seen <= made + 5.0, "made at {made} s, seen at {seen} s");
 }
@@ -220,7 +287,7 @@ fn the_state_counts_waiting_photos_by_what_they_wait_for() {
             }
         }
     };
-    watch(root, 60.0, setting(), &mut look);
+    watch(root, 60.0, without_events(), &mut look);
     let none = "0 restored, 0 unchanged, 0 failed";
     let one = "1 restored, 0 unchanged, 0 failed";
     let half = "1 for the rest of the file";
@@ -237,7 +304,7 @@ fn the_state_counts_waiting_photos_by_what_they_wait_for() {
         assert!(rest.any(|state| state == words), "{words}, in order, in {states:#?}");
     }
     // A restarted daemon counts the files present.
-    watch(root, 10.0, setting(), &mut |_| ());
+    watch(root, 10.0, without_events(), &mut |_| ());
     let counts = State::read(root).unwrap().unwrap().counts.to_string();
     assert_eq!(counts, format!("{one}, 1 waiting ({half})"), "after a restart");
     // The page of an idle box says the same, with name and reason.
@@ -249,7 +316,7 @@ fn the_state_counts_waiting_photos_by_what_they_wait_for() {
             std::fs::remove_file(root.join("inbox/half.jpg")).unwrap();
         }
     };
-    watch(root, 140.0, setting(), &mut look);
+    watch(root, 140.0, without_events(), &mut look);
     assert!(pages[0].contains(&format!("<b>1</b> waiting ({half})")), "{}", pages[0]);
     assert!(pages[0].contains("<b>half.jpg</b> <span>"), "{}", pages[0]);
     assert!(!page().contains("half.jpg") && !page().contains("waiting ("), "{}", page());
@@ -297,6 +364,31 @@ fn links_to_folders_are_not_entered_and_nested_folders_are_refused() {
 }
 
 #[test]
+fn a_photo_written_to_after_it_was_taken_is_restored_again() {
+    use std::io::Write;
+    let whole = file(Format::Jpeg, 8, RIG);
+    let root = fresh_root();
+    let root = root.path();
+    std::fs::create_dir_all(root.join("inbox")).unwrap();
+    // A program that holds the file open, and adds to it once it was restored.
+    let mut open = std::fs::File::create(root.join("inbox/a.jpg")).unwrap();
+    open.write_all(&whole).unwrap();
+    let (mut trailer, mut added_at) = (Some(b"ftypmp42 and a movie"), 0.0);
+    let (summary, restored) = watch(root, 600.0, without_events(), &mut |now| {
+        if root.join("done/a.jpg").exists() && trailer.is_some() {
+            open.write_all(trailer.take().unwrap()).unwrap();
+            added_at = now;
+        }
+    });
+    assert!(trailer.is_none() && added_at > 0.0);
+    assert_eq!((restored, summary.restored.len(), summary.failed.len()), (2, 1, 0), "{summary:?}");
+    assert_eq!(names(&root.join("done")), set(&["a.jpg"]));
+    let kept = std::fs::read(root.join("done/a.jpg")).unwrap();
+    assert_eq!(kept, [&whole[..], b"ftypmp42 and a movie"].concat());
+    assert_eq!(summary.restored[0].photo_bytes, kept.len() as u64);
+}
+
+#[test]
 fn a_photo_written_to_while_it_is_restored_waits_for_the_next_attempt() {
     let root = fresh_root();
     let root = root.path();
@@ -329,10 +421,10 @@ fn a_copy_that_reserved_its_space_is_waited_for() {
     let copy = std::fs::File::create(root.join("inbox/a.pgm")).unwrap();
     std::os::unix::fs::FileExt::write_all_at(&copy, &whole[..13], 0).unwrap();
     copy.set_len(1 << 20).unwrap();
-    let (summary, restored) = watch(root, 100.0, setting(), &mut |_| ());
+    let (summary, restored) = watch(root, 100.0, without_events(), &mut |_| ());
     assert_eq!((restored, summary.deferred.len(), summary.failed.len()), (0, 1, 0), "{summary:?}");
     copy.set_len(whole.len() as u64).unwrap();
     std::os::unix::fs::FileExt::write_all_at(&copy, &whole, 0).unwrap();
-    let (_, restored) = watch(root, 100.0, setting(), &mut |_| ());
+    let (_, restored) = watch(root, 100.0, without_events(), &mut |_| ());
     assert_eq!(restored, 1);
 }

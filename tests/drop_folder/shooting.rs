@@ -397,7 +397,8 @@ fn a_photo_in_the_inbox_at_the_start_asks_for_the_panel() {
 fn live(disk: &ModelDisk, press: bool, asked: Arc<AtomicBool>) -> Ran {
     let scene = Rc::new(RefCell::new(Scene { panel: Some(PanelView::There), ..Scene::default() }));
     let mut camera = Camera { scene, ..Camera::default() };
-    let setting = DaemonSetting::new("test rig", TINY, Curve::Srgb);
+    let setting =
+        DaemonSetting { hints: false, ..DaemonSetting::new("test rig", TINY, Curve::Srgb) };
     let folders = Folders::on(Arc::new(disk.clone()), Path::new(ROOT)).unwrap();
     let mut press = press.then_some(Press::Down);
     run(folders, setting, &mut camera, asked, &FrontPanel::default(), (0.0, 40.0), |now, front| {
@@ -479,7 +480,8 @@ fn a_photo_stays_in_memory_while_the_disk_is_full() {
     }));
     let scene = Rc::new(RefCell::new(Scene { panel: Some(PanelView::There), ..Scene::default() }));
     let mut camera = Camera { scene, ..Camera::default() };
-    let setting = DaemonSetting::new("test rig", TINY, Curve::Srgb);
+    let setting =
+        DaemonSetting { hints: false, ..DaemonSetting::new("test rig", TINY, Curve::Srgb) };
     let folders = Folders::on(Arc::new(disk), Path::new(ROOT)).unwrap();
     let (front, mut press, mut trouble) = (FrontPanel::default(), Some(Press::Down), false);
     let ran =

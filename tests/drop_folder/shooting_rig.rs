@@ -39,7 +39,10 @@ fn rig(slots: &Path) -> (config::RigFile, OnRig, Witness) {
 }
 
 fn setting_of(rig: &config::RigFile) -> DaemonSetting {
-    DaemonSetting::new(&rig.name, rig.photo_grid(), rig.photo.curve)
+    DaemonSetting {
+        hints: false,
+        ..DaemonSetting::new(&rig.name, rig.photo_grid(), rig.photo.curve)
+    }
 }
 
 fn before_the_lens(rig: &config::RigFile) -> Frame<Work> {

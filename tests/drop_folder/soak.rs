@@ -12,7 +12,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, UNIX_EPOCH};
 
-use relens::daemon::{Daemon, Folders, JobStep, Watcher};
+use relens::daemon::{Daemon, DaemonSetting, Folders, JobStep, Watcher};
 use relens::disk::{Disk, FileKind, LocalDisk, Metadata, Unsynced};
 use relens::frame::{Frame, Plane, Work};
 use relens::picture::{Format, Manner, encode};
@@ -127,7 +127,7 @@ fn a_thousand_photos_are_all_accounted_for() {
         let failures = if lives > 1 { vec![Remedy::ReopenRig; 3] } else { vec![] };
         let mut restorer = Brightener { failures, ..Brightener::default() };
         let mut watcher = Night { photos: &photos, of, full: &full, resident_kib: &resident };
-        let setting = setting();
+        let setting = DaemonSetting { hints: false, ..setting() };
         let freed = Cell::new(0);
         let lived = catch_unwind(AssertUnwindSafe(|| {
             let anchors: Vec<PathBuf> = vec![root.clone()];

@@ -392,7 +392,7 @@ fn with_front_panel(
         let (clock, mut watcher) = (Quick(Mutex::new(0.0)), ());
         let folders = Folders::open(root.path()).unwrap();
         let schedule = Attended::new(front.clone(), mode, &clock, Box::new(()));
-        let setting = DaemonSetting { poll_s: 5.0, ..setting() };
+        let setting = DaemonSetting { poll_s: 5.0, hints: false, ..setting() };
         let daemon =
             Daemon::open(folders, setting, &mut panel, &clock, &SystemTime::now, &mut watcher)
                 .unwrap();

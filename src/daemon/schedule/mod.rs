@@ -68,8 +68,7 @@ pub trait Schedule {
         let _ = (event, rig);
     }
 
-    /// Whether to scan at once, also for deferred photos and those just written; asked several
-    /// times a second.
+    /// Whether to scan at once and retry deferred photos; asked several times a second.
     fn impatient(&self) -> bool {
         false
     }

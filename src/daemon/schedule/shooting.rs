@@ -104,8 +104,6 @@ pub(super) struct Shooting<'a> {
     postpone: bool,
     /// A photo taken and not yet saved.
     unsaved: Option<TakenPhoto>,
-    /// Whether a photo was saved since the last turn.
-    is_saved: bool,
     /// Number of waiting photos that are postponed.
     postponed_photos: usize,
 }
@@ -127,7 +125,6 @@ impl<'a> Shooting<'a> {
             go: false,
             postpone: false,
             unsaved: None,
-            is_saved: false,
             postponed_photos: 0,
         }
     }
@@ -138,11 +135,11 @@ impl<'a> Shooting<'a> {
         self.postpone |= postpone;
     }
 
-    /// Whether the countdown has advanced, a photo was saved, or the lens is to be measured.
+    /// Whether the countdown has advanced, or the lens is to be measured.
     pub(super) fn is_due(&self, now: Moment) -> bool {
         match &self.countdown {
             Some(countdown) => countdown.remaining(now) != countdown.shown,
-            None => self.is_saved || matches!(self.stage, Stage::Measure { .. }),
+            None => matches!(self.stage, Stage::Measure { .. }),
         }
     }
 
@@ -162,7 +159,6 @@ impl<'a> Shooting<'a> {
         rig: &mut dyn Restorer,
     ) -> ShootTurn {
         self.postponed_photos = self.postponed_photos.min(asked.waiting);
-        self.is_saved = false;
         if std::mem::take(&mut self.postpone) {
             match self.countdown.take() {
                 Some(_) => log::info!("the countdown was cancelled"),
@@ -314,7 +310,7 @@ impl<'a> Shooting<'a> {
             log::warn!("{name}: {:.2} % of it is saturated", 100.0 * photo.clipped_share);
         }
         log::info!("{name}: taken");
-        (self.unsaved, self.is_saved) = (None, true);
+        self.unsaved = None;
         Ok(true)
     }
 

@@ -1,8 +1,8 @@
 //! Photos in the inbox: whether each has stopped changing and is complete.
 //!
-//! Files are polled: events are missing for changes by another machine on a network mount. A photo
-//! is ready when it has been quiet (size, time of change and inode unchanged for a while) *and* its
-//! content is complete. A quiet, incomplete one waits and is reported.
+//! Files are polled; events (see [`super::hints`]) only make the next scan
+//! come sooner. A photo is ready when it has been quiet (size, time of change and inode unchanged
+//! for a while) *and* its content is complete. A quiet, incomplete one waits and is reported.
 
 use std::collections::{BTreeMap, HashMap};
 use std::io::ErrorKind;
@@ -10,6 +10,7 @@ use std::path::{Path, PathBuf};
 
 use super::companions::{KINDS, is_companion_at, is_hidden, is_junk};
 use super::folders::Folders;
+use super::hints::Hints;
 use super::report_file::Failed;
 use super::waiting::Waiting;
 use crate::disk::{FileError, FileKind, Files, Metadata};
@@ -61,7 +62,7 @@ struct Retry {
 }
 
 /// The inbox over time. Paths are relative to it.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(crate) struct Inbox {
     seen: HashMap<PathBuf, SeenFile>,
     /// When the next known file will have been quiet for long enough.
@@ -70,8 +71,7 @@ pub(crate) struct Inbox {
     retries: HashMap<PathBuf, Retry>,
     /// Photos that stay for now, with the reason.
     deferred: BTreeMap<PathBuf, Failed>,
-    /// Whether all files count as quiet at the next scan.
-    is_hurried: bool,
+    hints: Hints,
     /// Numbers of waiting photos by what they wait for.
     pub(crate) waiting: Waiting,
     /// Files that are companions or not by their content, examined once while they do not change.
@@ -90,6 +90,20 @@ pub(crate) struct Ready {
 }
 
 impl Inbox {
+    /// An inbox not scanned yet, with its events.
+    pub(crate) fn new(hints: Hints) -> Inbox {
+        Inbox {
+            seen: HashMap::new(),
+            due: None,
+            retries: HashMap::new(),
+            deferred: BTreeMap::new(),
+            hints,
+            waiting: Waiting::default(),
+            examined: HashMap::new(),
+            companions: 0,
+        }
+    }
+
     /// Scans the inbox. Photos count as ready once they are quiet; [`Inbox::may_be_taken`] checks
     /// for completeness when their turn comes, since that means reading them.
     pub(crate) fn scan(
@@ -99,9 +113,10 @@ impl Inbox {
         patience: Patience,
     ) -> Result<Ready, FileError> {
         let (files, inbox) = (&folders.files, &folders.inbox);
+        self.hints.watch(inbox, Path::new(""));
         let mut scan = InboxScan::default();
         collect(files, inbox, Path::new(""), 0, &mut scan)?;
-        let InboxScan { mut found, mut deferred, mut companions } = scan;
+        let InboxScan { mut found, mut deferred, folders, mut companions } = scan;
         let before = std::mem::take(&mut self.examined);
         found.retain(|(path, metadata)| {
             let examined = before.get(path).filter(|(known, _)| known == metadata);
@@ -117,6 +132,7 @@ impl Inbox {
             log::info!("{companions} files beside photos stay in the inbox: {KINDS}");
         }
         self.companions = companions;
+        folders.iter().for_each(|path| self.hints.watch(inbox, path));
         let (mut waiting, unreachable) = (Waiting::default(), deferred.len());
         let mut ready = self.sort_out(found, now, patience, &mut waiting, &mut deferred);
         ready.sort();
@@ -152,13 +168,15 @@ impl Inbox {
         let mut before = std::mem::take(&mut self.seen);
         let mut ready = Vec::new();
         self.due = None;
-        let is_hurried = std::mem::take(&mut self.is_hurried);
+        self.hints.poll();
+        let moved = self.hints.take_moved();
         for (path, metadata) in found {
             let mut seen = match before.remove(&path) {
                 Some(seen) if seen.metadata == metadata => seen,
                 _ => SeenFile { metadata, since: now, missing: None },
             };
-            if is_hurried {
+            // A file moved in was written elsewhere and need not settle.
+            if path.ancestors().any(|moved_there| moved.contains(moved_there)) {
                 seen.since = Moment(seen.since.0.min(now.0 - patience.quiet_s));
             }
             if now.0 - seen.since.0 < patience.quiet_s {
@@ -240,10 +258,9 @@ impl Inbox {
         self.retries.remove(path);
     }
 
-    /// Makes all photos ready at once that were put back, or have not been quiet for long enough.
-    pub(crate) fn hurry(&mut self) {
+    /// Makes all photos that were put back ready at once.
+    pub(crate) fn retry_now(&mut self) {
         self.retries.clear();
-        self.is_hurried = true;
     }
 
     /// Photos that stay for now, with the reasons.
@@ -254,6 +271,11 @@ impl Inbox {
     /// Whether the photo at `path` was deferred before.
     pub(crate) fn is_deferred(&self, path: &Path) -> bool {
         self.deferred.contains_key(path)
+    }
+
+    /// Whether there were events in the inbox since the last call.
+    pub(crate) fn has_events(&self) -> bool {
+        self.hints.poll()
     }
 }
 
@@ -271,10 +293,12 @@ struct InboxScan {
     found: Vec<(PathBuf, Metadata)>,
     /// Paths that cannot be examined, with the reason.
     deferred: BTreeMap<PathBuf, String>,
+    folders: Vec<PathBuf>,
     companions: usize,
 }
 
-/// Adds the files in `inbox/path` and its subfolders to `scan`.
+/// Adds the files in `inbox/path` and its subfolders to `scan`. A folder moved in causes one event
+/// and none for its files.
 fn collect(
     files: &Files,
     inbox: &Path,
@@ -302,6 +326,7 @@ fn collect(
         if kind == FileKind::Folder {
             if depth < DEPTH_MAX {
                 collect(files, inbox, &path, depth + 1, scan)?;
+                scan.folders.push(path);
             }
             continue;
         }
@@ -347,7 +372,7 @@ mod tests {
         write("a.jpg", photo);
         write("a.log", photo);
         write("letter", b"Dear Sir");
-        let mut inbox = Inbox::default();
+        let mut inbox = Inbox::new(Hints::none());
         let patience =
             Patience { quiet_s: 0.0, mention_s: 0.0, unfinished_s: 0.0, trusted_unix_s: None };
         let mut scan = || {
@@ -368,7 +393,7 @@ mod tests {
         let folders = Folders::open(root.path()).unwrap();
         let file = folders.inbox.join("a.jpg");
         std::fs::write(&file, b"one").unwrap();
-        let mut inbox = Inbox::default();
+        let mut inbox = Inbox::new(Hints::none());
         let patience =
             Patience { quiet_s: 5.0, mention_s: 60.0, unfinished_s: 900.0, trusted_unix_s: None };
         let examined = std::cell::Cell::new(0);

@@ -138,6 +138,7 @@ fuzz_target!(|bytes: &[u8]| {
         let times = Times { clock: &clock, calendar: &calendar, is_set: &|| true };
         let night = Nightly::new(&nights(), &folders, times).expect("valid hours");
         let setting = DaemonSetting {
+            hints: false,
             floor_bytes: 0,
             ..DaemonSetting::new("test", RIG, Curve::Srgb)
         };
