@@ -72,11 +72,11 @@ pub(super) fn run(options: &DemoOptions) -> Result<(), CliError> {
         let Some(report) = summary.restored.iter().find(|report| report.photo == *name) else {
             continue;
         };
-        let before = quality(&root.join("done").join(name), &rig, taken)?;
-        let after = quality(&outbox.join(&report.result), &rig, taken)?;
+        let (ssim_before, db_before) = quality(&root.join("done").join(name), &rig, taken)?;
+        let (ssim, db) = quality(&outbox.join(&report.result), &rig, taken)?;
         say(&format!(
             "{name:13} {:.3}  {:.3}    {:5.2}  {:5.2}    {:5}     {:5.1}",
-            before[0], after[0], before[1], after[1], report.captures, report.seconds
+            ssim_before, ssim, db_before, db, report.captures, report.seconds
         ));
     }
     for photo in summary.failed.iter().chain(&summary.deferred) {
@@ -115,12 +115,12 @@ fn write_photo_and_scene(
 }
 
 /// SSIM and PSNR, dB, of the picture at `path` against the scene of `taken`.
-fn quality(path: &Path, rig: &RigFile, taken: &Taken) -> Result<[f64; 2], CliError> {
+fn quality(path: &Path, rig: &RigFile, taken: &Taken) -> Result<(f64, f64), CliError> {
     let picture = Photo::read(path, rig.photo.curve, &Limits::default()).map_err(CliError::of)?;
     let tone = Tone::of_curve(config::Curve::Srgb, 8);
     let [picture, scene] =
         [&picture.in_colour(), &taken.shaded].map(|light| display_luminance(&tone, light));
-    Ok([ssim(&picture, &scene), psnr(&picture, &scene)])
+    Ok((ssim(&picture, &scene), psnr(&picture, &scene)))
 }
 
 /// The file name of a scene's photo: raw where the camera has raw sites, but for the JPEG.

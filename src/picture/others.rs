@@ -225,8 +225,8 @@ mod tests {
         let whole = |bytes: &[u8]| walk(bytes, Content::Gif).is_ok();
         assert!((0..first_end).all(|cut| !whole(&gif[..cut])));
         assert!((first_end..gif.len()).all(|cut| whole(&gif[..cut])));
-        for (hole, is_whole) in [(1, false), (2000, false)] {
-            assert_eq!(whole(&[&gif[..first_end], &vec![0; hole]].concat()), is_whole, "{hole}");
+        for hole in [1, 2000] {
+            assert!(!whole(&[&gif[..first_end], &vec![0; hole]].concat()), "{hole}");
         }
         let out_of_order = [&gif[..first_end], &[0; 4096], &gif[first_end..]].concat();
         assert!(!whole(&out_of_order));
