@@ -2,11 +2,12 @@
 //!
 //! L is resampled once, to the panel; captures are cropped and corrected pixel by pixel, never
 //! resampled. The detail that L loses on the panel's square pixels
-//! ([`Correction::by_perfect_lens`]) is passed through the lens model and added to the capture.
+//! ([`Correction::light_by_perfect_lens`]) is passed through the lens model and added to the
+//! capture.
 
 use rayon::prelude::*;
 
-use crate::calibration::correction::Correction;
+use crate::calibration::correction::{Correction, ShownLight};
 use crate::deconvolution::forward_convolution::{ForwardConvolution, Seen};
 use crate::deconvolution::lens_model::LensModel;
 use crate::frame::{Channel, FULL_SCALE, Frame, Plane, Size, Work};
@@ -69,15 +70,13 @@ impl<'a> LightPath<'a> {
 }
 
 impl LightPath<'_> {
-    /// Adds to the capture `seen` of `shown` the detail that the panel cannot show, by the lens
-    /// model.
-    fn add_lost_detail(&self, shown: &Frame<Work>, seen: &mut Seen) {
-        let clamp = |v: f32| v.clamp(0.0, FULL_SCALE);
-        let on_panel: Frame<Work> = Frame::from_fn(|c| shown.plane(c).map(clamp));
-        let by_perfect_lens = self.correction.by_perfect_lens(&Channel::ALL, &on_panel, (0.0, 0.0));
+    /// Adds to the capture `seen` of `picture` the detail that the panel's `light` lacks, by the
+    /// lens model.
+    fn add_lost_detail(&self, picture: &Frame<Work>, light: &ShownLight, seen: &mut Seen) {
+        let by_perfect_lens = self.correction.light_by_perfect_lens(light);
         let pairs = Channel::ALL.into_iter().zip(seen.light.planes_mut());
         pairs.collect::<Vec<_>>().into_par_iter().for_each(|(c, light)| {
-            let mut lost = on_panel.plane(c).clone();
+            let mut lost = picture.plane(c).clone();
             lost.add_scaled(-1.0, by_perfect_lens.plane(c));
             // Nothing is lost where panel and sensor pixels coincide.
             if lost.rms() > LOST_MIN {
@@ -98,12 +97,15 @@ impl ForwardConvolution for LightPath<'_> {
         if self.interrupted.is_some_and(|asked| asked()) {
             return Err(Interrupted.into());
         }
-        let codes = self.correction.show(shown);
+        let clamp = |v: f32| v.clamp(0.0, FULL_SCALE);
+        let picture: Frame<Work> = Frame::from_fn(|c| shown.plane(c).map(clamp));
+        let on_panel = self.correction.light_on_panel(&picture);
+        let codes = self.correction.show_light(&on_panel);
         let begun = (self.stopwatch)();
         let exposed = self.rig.capture(&codes)?;
         self.waited_seconds += (self.stopwatch)() - begun;
         let mut seen = self.correction.see(&exposed.counts);
-        self.add_lost_detail(shown, &mut seen);
+        self.add_lost_detail(&picture, &on_panel, &mut seen);
         Ok(seen)
     }
 

@@ -139,6 +139,14 @@ pub struct Correction {
     sites: Option<SiteGains>,
 }
 
+/// Light of the panel pixels that show a picture.
+#[derive(Debug, Clone)]
+pub struct ShownLight {
+    /// Those pixels.
+    part: Rect,
+    light: [Plane; 3],
+}
+
 /// Panel rows per task; errors are diffused within it.
 const BAND_ROWS: usize = 40;
 /// Panel pixels beyond the canvas that are still warped; farther out the last code repeats. Wider
@@ -212,8 +220,23 @@ impl Correction {
     /// # Panics
     /// When the picture's size is not the canvas's.
     pub fn show(&self, picture: &Frame<Work>) -> Codes {
+        self.show_light(&self.light_on_panel(picture))
+    }
+
+    /// The light of the panel pixels that show `picture` (0..255, canvas-sized).
+    ///
+    /// # Panics
+    /// When the picture's size is not the canvas's.
+    pub fn light_on_panel(&self, picture: &Frame<Work>) -> ShownLight {
         assert!(picture.size() == self.layout.canvas(), "a shown picture has the canvas's size");
-        Frame::from_planes(Channel::each(|c| self.show_plane(c, picture.plane(c))))
+        let part = self.shown_part();
+        ShownLight { part, light: Channel::each(|c| self.light_of(c, picture.plane(c), part)) }
+    }
+
+    /// The codes that make the panel show `light`.
+    pub fn show_light(&self, light: &ShownLight) -> Codes {
+        let ShownLight { part, light } = light;
+        Frame::from_planes(Channel::each(|c| self.show_plane(c, &light[c.index()], *part)))
     }
 
     /// The part of the panel that shows a canvas, with a fringe.
@@ -250,22 +273,31 @@ impl Correction {
         light
     }
 
-    fn show_plane(&self, channel: Channel, picture: &Plane) -> Plane<u8> {
-        let panel = self.layout.panel;
+    /// The light of the panel pixels in `part`, which show the canvas `picture` in `channel`.
+    fn light_of(&self, channel: Channel, picture: &Plane, part: Rect) -> Plane {
         let padded = padded(picture);
-        let shown = self.shown_part();
+        let mut panel = Plane::zeros(part.size);
+        let bands = panel.data_mut().par_chunks_mut(BAND_ROWS * part.size.width).enumerate();
+        bands.for_each(|(band, rows)| {
+            let size = Size::new(part.size.width, rows.len() / part.size.width);
+            let part = Rect { x: part.x, y: part.y + band * BAND_ROWS, size };
+            rows.copy_from_slice(self.panel_light(channel, &padded, part).data());
+        });
+        panel
+    }
+
+    fn show_plane(&self, channel: Channel, light: &Plane, shown: Rect) -> Plane<u8> {
+        let panel = self.layout.panel;
         let Rect { x: left, y: top, .. } = shown;
         let (right, bottom) = (left + shown.size.width, top + shown.size.height);
         let mut codes = Plane::zeros(panel);
         let rows = &mut codes.data_mut()[top * panel.width..bottom * panel.width];
         rows.par_chunks_mut(BAND_ROWS * panel.width).enumerate().for_each(|(band, rows)| {
-            let size = Size::new(right - left, rows.len() / panel.width);
-            let part = Rect { x: left, y: top + band * BAND_ROWS, size };
-            let mut light = self.panel_light(channel, &padded, part);
-            self.inverse[channel.index()].apply(light.data_mut());
-            let mut diffusion = Diffusion::new(size.width);
+            let mut diffusion = Diffusion::new(shown.size.width);
             for (y, row) in rows.chunks_mut(panel.width).enumerate() {
-                diffusion.row(light.row(y), &mut row[left..right]);
+                let mut codes = light.row(band * BAND_ROWS + y).to_vec();
+                self.inverse[channel.index()].apply(&mut codes);
+                diffusion.row(&codes, &mut row[left..right]);
                 let (before, after) = (row[left], row[right - 1]);
                 row[..left].fill(before);
                 row[right..].fill(after);

@@ -45,6 +45,19 @@ pub trait ForwardConvolution {
     /// The failure of the capture, with its remedy.
     fn forward(&mut self, shown: &Frame<Work>) -> Result<Seen, AnyFailure>;
 
+    /// [`forward`](ForwardConvolution::forward) where K̂ of `shown`, which lies in 0..255, is
+    /// `predicted`.
+    ///
+    /// # Errors
+    /// As `forward`.
+    fn forward_predicted(
+        &mut self,
+        shown: &Frame<Work>,
+        _predicted: &Frame<Work>,
+    ) -> Result<Seen, AnyFailure> {
+        self.forward(shown)
+    }
+
     /// Panel column, in panel pixels, imaged at each pixel of each channel; `None` without a panel.
     fn panel_columns(&self) -> Option<&Frame<Work>> {
         None

@@ -9,7 +9,7 @@
 
 use rayon::prelude::*;
 
-use super::{BAND_ROWS, Correction, padded};
+use super::{Correction, ShownLight};
 use crate::calibration::geometric::Map;
 use crate::frame::{Channel, Frame, Plane, Rect, Size, Work};
 
@@ -30,40 +30,40 @@ impl Correction {
         let mut seen = Frame::zeros(picture.size());
         // Sequential, as each channel needs a panel-sized plane.
         for &c in channels {
-            let shown = self.shown_part();
-            let panel = self.light_of(c, picture.plane(c), shown);
-            let margin = self.layout.margin_px as f64;
-            let (left, top) = (-margin - at_px.0, -margin - at_px.1);
-            let map = &self.geometry.work_to_panel;
-            let first = shown.x as f32 + self.layout.subpixels.offset_px(c) as f32;
-            let half = self.half_a_pixel(map);
-            let width = picture.size().width;
-            let rows = seen.plane_mut(c).data_mut().par_chunks_mut(width).enumerate();
-            rows.for_each_init(
-                || (vec![0.0; width], vec![0.0; width]),
-                |(at_x, at_y), (y, row)| {
-                    map.x.row(y as f64 + top, left, 1.0, at_x);
-                    map.y.row(y as f64 + top, left, 1.0, at_y);
-                    for ((value, &x), &y) in row.iter_mut().zip(&*at_x).zip(&*at_y) {
-                        *value = footprint(&panel, [x - first, y - shown.y as f32], half);
-                    }
-                },
-            );
+            let part = self.shown_part();
+            let panel = self.light_of(c, picture.plane(c), part);
+            *seen.plane_mut(c) = self.footprints(c, &panel, part, at_px);
         }
         seen
     }
 
-    /// The light of the panel pixels in `shown`.
-    fn light_of(&self, c: Channel, picture: &Plane, shown: Rect) -> Plane {
-        let padded = padded(picture);
-        let mut panel = Plane::zeros(shown.size);
-        let bands = panel.data_mut().par_chunks_mut(BAND_ROWS * shown.size.width).enumerate();
-        bands.for_each(|(band, rows)| {
-            let size = Size::new(shown.size.width, rows.len() / shown.size.width);
-            let part = Rect { x: shown.x, y: shown.y + band * BAND_ROWS, size };
-            rows.copy_from_slice(self.panel_light(c, &padded, part).data());
-        });
-        panel
+    /// The `shown` light as a perfect lens sees it, canvas-sized.
+    pub fn light_by_perfect_lens(&self, shown: &ShownLight) -> Frame<Work> {
+        let ShownLight { part, light } = shown;
+        Frame::from_fn(|c| self.footprints(c, &light[c.index()], *part, (0.0, 0.0)))
+    }
+
+    /// The `panel`'s light in its part `shown`, averaged over the footprints of the sensor's
+    /// pixels.
+    fn footprints(&self, c: Channel, panel: &Plane, shown: Rect, at_px: (f64, f64)) -> Plane {
+        let mut seen = Plane::zeros(self.layout.canvas());
+        let margin = self.layout.margin_px as f64;
+        let (left, top) = (-margin - at_px.0, -margin - at_px.1);
+        let map = &self.geometry.work_to_panel;
+        let first = shown.x as f32 + self.layout.subpixels.offset_px(c) as f32;
+        let half = self.half_a_pixel(map);
+        let width = seen.width();
+        seen.data_mut().par_chunks_mut(width).enumerate().for_each_init(
+            || (vec![0.0; width], vec![0.0; width]),
+            |(at_x, at_y), (y, row)| {
+                map.x.row(y as f64 + top, left, 1.0, at_x);
+                map.y.row(y as f64 + top, left, 1.0, at_y);
+                for ((value, &x), &y) in row.iter_mut().zip(&*at_x).zip(&*at_y) {
+                    *value = footprint(panel, [x - first, y - shown.y as f32], half);
+                }
+            },
+        );
+        seen
     }
 
     /// Half the panel pixels covered by a Work pixel, across and down, in the middle; distortion

@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 use crate::deconvolution::forward_convolution::{ForwardConvolution, Seen};
 use crate::deconvolution::lens_model::LensModel;
-use crate::frame::{Channel, FULL_SCALE, Frame, Plane, Size, Work};
+use crate::frame::{Channel, FULL_SCALE, Frame, Size, Work};
 use crate::remedy::AnyFailure;
 
 /// Forward convolution at a photo's focus through a rig at the panel's.
@@ -21,25 +21,21 @@ pub(crate) struct OpticsAtFocus<'a> {
     pub(crate) photo: Arc<LensModel>,
 }
 
+/// The channels of `shown` that are not black.
+fn shown_channels(shown: &Frame<Work>) -> Vec<Channel> {
+    let is_shown = |&c: &Channel| shown.plane(c).data().iter().any(|&v| v != 0.0);
+    Channel::ALL.into_iter().filter(is_shown).collect()
+}
+
 impl OpticsAtFocus<'_> {
-    /// Converts the capture `seen` of `shown` to the photo's focus.
-    fn refocus(&self, shown: &Frame<Work>, mut seen: Seen) -> Seen {
-        let (photo, panel) = (&self.photo, &self.panel);
-        let difference = |c: Channel| {
-            let plane = shown.plane(c);
-            let mut more = Plane::zeros(plane.size());
-            // Channels that are not shown are zero.
-            if plane.data().iter().any(|&v| v != 0.0) {
-                let on_panel = plane.map(|v: f32| v.clamp(0.0, FULL_SCALE));
-                let mut at_panel = Plane::zeros(plane.size());
-                photo.forward(c, &on_panel, &mut more);
-                panel.forward(c, &on_panel, &mut at_panel);
-                more.add_scaled(-1.0, &at_panel);
-            }
-            more
-        };
-        for (light, more) in seen.light.planes_mut().iter_mut().zip(Channel::each(difference)) {
-            light.add_scaled(1.0, &more);
+    /// Converts the capture `seen` of `shown` to the photo's focus, where its model predicts
+    /// `at_photo`.
+    fn refocus(&self, shown: &Frame<Work>, at_photo: &Frame<Work>, mut seen: Seen) -> Seen {
+        let at_panel = self.panel.seen(&shown_channels(shown), shown);
+        for c in Channel::ALL {
+            let light = seen.light.plane_mut(c);
+            light.add_scaled(1.0, at_photo.plane(c));
+            light.add_scaled(-1.0, at_panel.plane(c));
         }
         seen
     }
@@ -51,8 +47,19 @@ impl ForwardConvolution for OpticsAtFocus<'_> {
     }
 
     fn forward(&mut self, shown: &Frame<Work>) -> Result<Seen, AnyFailure> {
+        let clamp = |v: f32| v.clamp(0.0, FULL_SCALE);
+        let shown = Frame::from_fn(|c| shown.plane(c).map(clamp));
+        let at_photo = self.photo.seen(&shown_channels(&shown), &shown);
+        self.forward_predicted(&shown, &at_photo)
+    }
+
+    fn forward_predicted(
+        &mut self,
+        shown: &Frame<Work>,
+        predicted: &Frame<Work>,
+    ) -> Result<Seen, AnyFailure> {
         let seen = self.inner.forward(shown)?;
-        Ok(self.refocus(shown, seen))
+        Ok(self.refocus(shown, predicted, seen))
     }
 
     fn panel_columns(&self) -> Option<&Frame<Work>> {

@@ -59,7 +59,7 @@ impl<'a> Problem<'a> {
         prediction: &Frame<Work>,
         shown: &Frame<Work>,
     ) -> Result<Seen, MethodError> {
-        let mut seen = optics.forward(shown)?;
+        let mut seen = optics.forward_predicted(shown, prediction)?;
         let Observation { trust, rect, channels, .. } = self.observation;
         let (rect, channels) = (*rect, channels.list());
         let blur_px = self.model.functions().support_px;
