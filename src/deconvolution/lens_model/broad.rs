@@ -251,22 +251,21 @@ fn apply(
 /// The broad light of one channel.
 #[derive(Debug, Clone)]
 pub(super) struct Broad {
-    veils: Vec<(Veil, f32)>,
+    veils: Vec<(Veil, Halo)>,
     /// Share a of the lens functions.
     local_share: f32,
     /// The gain d, unless it is 1.
     gain: Option<Plane>,
+    beyond: Beyond,
 }
 
 impl Broad {
     /// The broad light of `halos` on a canvas; `None` without halos.
     pub(super) fn new(canvas: Size, halos: &[Halo], beyond: Beyond) -> Option<Broad> {
-        let veils: Vec<(Veil, f32)> = halos
-            .iter()
-            .map(|halo| (Veil::new(canvas, halo.radius_px, beyond), halo.share))
-            .collect();
+        let veil = |&halo: &Halo| (Veil::new(canvas, halo.radius_px, beyond), halo);
+        let veils: Vec<(Veil, Halo)> = halos.iter().map(veil).collect();
         let local_share = 1.0 - halos.iter().map(|halo| halo.share).sum::<f32>();
-        let mut broad = Broad { veils, local_share, gain: None };
+        let mut broad = Broad { veils, local_share, gain: None, beyond };
         if broad.veils.is_empty() {
             return None;
         }
@@ -279,14 +278,21 @@ impl Broad {
         Some(broad)
     }
 
+    /// The same light on a `canvas` of pixels binned by two.
+    pub(super) fn binned(&self, canvas: Size) -> Option<Broad> {
+        let half = |(_, halo): &(Veil, Halo)| Halo { radius_px: halo.radius_px / 2.0, ..*halo };
+        let halos: Vec<Halo> = self.veils.iter().map(half).collect();
+        Broad::new(canvas, &halos, self.beyond)
+    }
+
     /// Turns `out` = P x into K x.
     pub(super) fn add(&self, x: &Plane, out: &mut Plane) {
         let spread: Vec<Plane> = self.veils.iter().map(|(veil, _)| veil.spread(x)).collect();
         let width = out.width().max(1);
         out.data_mut().par_chunks_mut(width).enumerate().for_each(|(y, row)| {
             row.iter_mut().for_each(|v| *v *= self.local_share);
-            for ((veil, share), cells) in self.veils.iter().zip(&spread) {
-                veil.add_row(cells, *share, y, row);
+            for ((veil, halo), cells) in self.veils.iter().zip(&spread) {
+                veil.add_row(cells, halo.share, y, row);
             }
             if let Some(gain) = &self.gain {
                 row.iter_mut().zip(gain.row(y)).for_each(|(v, d)| *v *= d);
@@ -310,8 +316,8 @@ impl Broad {
         let width = out.width().max(1);
         out.data_mut().par_chunks_mut(width).enumerate().for_each(|(y, row)| {
             row.iter_mut().for_each(|v| *v *= self.local_share);
-            for ((veil, share), cells) in self.veils.iter().zip(&gathered) {
-                veil.add_row_adjoint(cells, *share, y, row);
+            for ((veil, halo), cells) in self.veils.iter().zip(&gathered) {
+                veil.add_row_adjoint(cells, halo.share, y, row);
             }
         });
     }

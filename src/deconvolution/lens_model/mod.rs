@@ -6,6 +6,7 @@
 //! are padded by the functions' support. Rows of cells ([`cells`]) run in parallel, so a single
 //! channel uses all cores. Light scattered beyond the functions' support is in [`broad`].
 
+mod binned;
 pub(crate) mod broad;
 mod cells;
 mod fast;
@@ -17,6 +18,7 @@ mod inverse;
 mod lanes;
 mod taps;
 
+pub use binned::SquarePlaces;
 pub use broad::{Beyond, Halo};
 pub use functions::{LensFunctions, LensModelError};
 pub use inverse::{Density, LocalInverse};

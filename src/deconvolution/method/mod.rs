@@ -27,6 +27,7 @@ pub mod richardson_lucy;
 pub mod total_variation;
 pub mod wiener;
 
+mod binned;
 mod brake;
 mod candidate;
 mod channel_solve;

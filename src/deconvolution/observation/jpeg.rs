@@ -1,5 +1,6 @@
 //! The quantised coefficients of a JPEG of the rig's size ([`crate::deconvolution::jpeg`]).
 
+use super::Developed;
 use super::sampling::{DataKind, Sampling};
 use crate::deconvolution::jpeg::{AlongLuma, JpegTerm};
 use crate::frame::{Channel, Frame, Mosaic, Size, Work};
@@ -42,6 +43,10 @@ impl Sampling for Jpeg {
 
     fn data_noise(&self, channel: Channel, _pixel_noise: f32) -> f32 {
         self.term.noise(channel)
+    }
+
+    fn binned(&self) -> Option<Developed> {
+        (!self.term.is_data()).then_some(Developed { interpolated: None, has_blocks: true })
     }
 
     fn expected_data(&self, prediction: &Frame<Work>) -> Option<Frame<Work>> {

@@ -7,6 +7,7 @@
 //!
 //! [`Pipeline::prepare`]: crate::pipeline::Pipeline::prepare
 
+mod binned;
 mod developed;
 mod jpeg;
 mod raw;

@@ -1,5 +1,6 @@
 //! What solver and judge ask of a kind of data.
 
+use super::Developed;
 use crate::deconvolution::jpeg::AlongLuma;
 use crate::frame::{Channel, Frame, Mosaic, Size, Work};
 
@@ -56,6 +57,11 @@ pub trait Sampling: std::fmt::Debug + Send + Sync {
     /// counted from 1.
     fn updates_data_at(&self, _step: u32) -> bool {
         false
+    }
+
+    /// The data as means over squares of two by two pixels; `None` where they have no such means.
+    fn binned(&self) -> Option<Developed> {
+        Some(Developed { interpolated: None, has_blocks: !self.has_colour_axes() })
     }
 
     /// Factor on the noise-to-signal ratio of Wiener's filter at the start of a solve.

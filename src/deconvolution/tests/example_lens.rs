@@ -31,16 +31,21 @@ pub(super) fn lens(functions: &LensFunctions) -> LensModel {
     LensModel::new(SIZE, MARGIN_PX, functions).unwrap()
 }
 
-/// A photo of tinted dots, `dot_px` wide, through `lens`, as codes of eight bits.
-pub(super) fn photo(lens: &LensModel, dot_px: usize, channels: Channels) -> Observation {
+/// Tinted dots, `dot_px` wide, on the canvas of `lens`.
+pub(super) fn scene(lens: &LensModel, dot_px: usize) -> Frame<Work> {
     let dots: Plane = Plane::from_fn(lens.canvas(), |x, y| {
         let (x, y) = (x / dot_px, y / dot_px);
         30.0 + 150.0 * f32::from(u8::from((7 * x + 5 * y + x * y) % 4 == 0))
     });
-    let scene: Frame<Work> = Frame::from_fn(|c| {
+    Frame::from_fn(|c| {
         let tint = 1.0 - 0.2 * c.index() as f32;
         dots.map(|v: f32| tint * v)
-    });
+    })
+}
+
+/// A photo of the [`scene`] through `lens`, as codes of eight bits.
+pub(super) fn photo(lens: &LensModel, dot_px: usize, channels: Channels) -> Observation {
+    let scene = scene(lens, dot_px);
     let rect = Rect { x: MARGIN_PX, y: MARGIN_PX, size: SIZE };
     let light = lens.seen(&Channel::ALL, &scene).crop(rect);
     let canvas = lens.canvas();
