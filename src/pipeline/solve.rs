@@ -72,7 +72,6 @@ impl Pipeline {
             model: &lens.model,
             norm_squared,
             level_norms,
-            colour_norms: &lens.level_norms,
             capture_mosaic: self.correction.layout().canvas_mosaic(),
             capture_noise: self.capture_noise,
             stopwatch: &*self.stopwatch,

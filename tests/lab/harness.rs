@@ -8,7 +8,6 @@ use relens::chart::test_rig::{PHOTO_SEED, Score, TestPhoto, TestRig, seen};
 use relens::config::RigFile;
 use relens::deconvolution::forward_convolution::ForwardConvolution;
 use relens::deconvolution::lens_model::LensFunctions;
-use relens::deconvolution::level_norms::LevelNorms;
 use relens::deconvolution::method::{About, Method, MethodError, Problem, Solution, Watch};
 use relens::frame::{Channel, Frame, Plane, Work};
 use relens::measurement::{calibrate, to_the_end};
@@ -244,11 +243,10 @@ impl Method for Longer {
         optics: &mut dyn ForwardConvolution,
         watch: &mut Watch<'_>,
     ) -> Result<Solution, MethodError> {
-        let scaled = |norms: &LevelNorms| norms.scaled(1.0 / self.times);
-        let level_norms = &problem.level_norms.each_ref().map(scaled);
-        let colour_norms = &problem.colour_norms.each_ref().map(scaled);
+        let level_norms =
+            problem.level_norms.each_ref().map(|norms| norms.scaled(1.0 / self.times));
         let norm_squared = problem.norm_squared.map(|norm| norm / self.times);
-        let problem = Problem { norm_squared, level_norms, colour_norms, ..*problem };
+        let problem = Problem { norm_squared, level_norms: &level_norms, ..*problem };
         self.method.solve(&problem, optics, watch)
     }
 }

@@ -81,7 +81,6 @@ impl Case {
             model,
             norm_squared: [1.0; 3],
             level_norms: &self.level_norms,
-            colour_norms: &self.level_norms,
             capture_mosaic: None,
             capture_noise: self.observation.noise,
             is_hopeless: None,

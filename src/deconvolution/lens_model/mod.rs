@@ -18,7 +18,6 @@ mod inverse;
 mod lanes;
 mod taps;
 
-pub use binned::SquarePlaces;
 pub use broad::{Beyond, Halo};
 pub use functions::{LensFunctions, LensModelError};
 pub use inverse::{Density, LocalInverse};

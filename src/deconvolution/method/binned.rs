@@ -8,10 +8,9 @@ use crate::deconvolution::colour_axis::width_px;
 use crate::deconvolution::lens_model::LensModel;
 use crate::deconvolution::level_norms::LevelNorms;
 use crate::deconvolution::observation::Observation;
-use crate::frame::Channel;
 
-/// Least width of a lens's functions for two levels, pixels. Narrower ones lose on raw photos, 0.3
-/// dB at 3.8 px and 0.8 at 2.7 (`tests/tables/README.md`).
+/// Least width of a lens's functions for two levels, pixels. At 3.8 px photos gain 0.1 dB, narrower
+/// ones nothing or lose (`tests/tables/README.md`).
 const WIDTH_MIN_PX: f32 = 4.0;
 
 /// Observation, lens and norms of a problem on binned pixels.
@@ -26,28 +25,19 @@ impl BinnedProblem {
     /// levels cannot be binned.
     pub(super) fn of(problem: &Problem<'_>) -> Option<BinnedProblem> {
         let own = problem.observation;
-        let has_levels = problem.colour_norms.iter().all(|norms| norms.levels() > 1);
+        let has_levels = problem.level_norms.iter().all(|norms| norms.levels() > 1);
         if !has_levels || width_px(problem.model.functions()) < WIDTH_MIN_PX {
             return None;
         }
         let observation = own.binned()?;
-        let places = Channel::ALL.map(|c| own.places(c));
-        let model = problem.model.binned(own.rect.x, &places).ok()?;
-        let level_norms = problem.colour_norms.each_ref().map(LevelNorms::binned);
+        let model = problem.model.binned(own.rect.x).ok()?;
+        let level_norms = problem.level_norms.each_ref().map(LevelNorms::binned);
         Some(BinnedProblem { observation, model, level_norms })
     }
 
     /// The problem; `own` is the one at the photo's grid.
     pub(super) fn problem<'a>(&'a self, own: &Problem<'a>) -> Problem<'a> {
         let BinnedProblem { observation, model, level_norms } = self;
-        Problem {
-            observation,
-            model,
-            level_norms,
-            colour_norms: level_norms,
-            is_hopeless: None,
-            capture_mosaic: None,
-            ..*own
-        }
+        Problem { observation, model, level_norms, is_hopeless: None, capture_mosaic: None, ..*own }
     }
 }

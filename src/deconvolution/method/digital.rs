@@ -282,7 +282,6 @@ mod tests {
             model: &model,
             norm_squared: [1.0; 3],
             level_norms: &norms,
-            colour_norms: &norms,
             capture_mosaic: None,
             capture_noise: observation.noise,
             is_hopeless: None,

@@ -32,8 +32,6 @@ pub struct Problem<'a> {
     /// Share of each wavelet level's power that the lens passes, per channel: the step lengths of
     /// solves with the lens model.
     pub level_norms: &'a [LevelNorms; 3],
-    /// The same of full-colour pixels.
-    pub colour_norms: &'a [LevelNorms; 3],
     /// The filters over the canvas where captures are valid at a sensor's raw sites only.
     pub capture_mosaic: Option<Mosaic>,
     /// Noise σ of one capture per channel, grey levels.
