@@ -10,6 +10,7 @@ use rayon::prelude::*;
 use crate::calibration::correction::{Correction, ShownLight};
 use crate::deconvolution::forward_convolution::{ForwardConvolution, Seen};
 use crate::deconvolution::lens_model::LensModel;
+use crate::deconvolution::panel_beat::ColumnWave;
 use crate::frame::{Channel, FULL_SCALE, Frame, Plane, Size, Work};
 use crate::remedy::{AnyFailure, Remediable, Remedy};
 use crate::rig::exposure::Devices;
@@ -109,8 +110,8 @@ impl ForwardConvolution for LightPath<'_> {
         Ok(seen)
     }
 
-    fn panel_columns(&self) -> Option<&Frame<Work>> {
-        Some(self.correction.panel_columns())
+    fn column_wave(&self) -> Option<&ColumnWave> {
+        Some(self.correction.column_wave())
     }
 
     fn captures(&self) -> usize {

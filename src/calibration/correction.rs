@@ -17,6 +17,7 @@ use super::surface::{Domain, Surface};
 use super::{Calibration, CameraCurve, Geometry, SiteGains};
 use crate::config::{self, Subpixels};
 use crate::deconvolution::forward_convolution::Seen;
+use crate::deconvolution::panel_beat::ColumnWave;
 use crate::frame::resample::warp;
 use crate::frame::{Channel, Codes, Counts, Frame, Mosaic, Plane, Rect, Size, Work, once};
 use crate::remedy::{Remediable, Remedy};
@@ -77,24 +78,22 @@ impl Layout {
         Rect { x, y, size: self.canvas() }
     }
 
-    /// The panel column that each channel sees by `geometry`, panel pixels, canvas-sized; red and
-    /// blue beside green as the panel's subpixels lie.
-    pub fn panel_columns(&self, geometry: &Geometry) -> Frame<Work> {
-        let seen = self.on_canvas(&geometry.work_to_panel.x);
-        Frame::from_fn(|c| {
-            let offset_px = self.subpixels.offset_px(c) as f32;
-            seen.map(|column: f32| column - offset_px)
-        })
+    /// The wave of the panel's columns as the canvas sees them by `geometry`.
+    pub fn column_wave(&self, geometry: &Geometry) -> ColumnWave {
+        ColumnWave::of(&self.on_canvas(&geometry.work_to_panel.x))
     }
 
     /// `surface` at the canvas's pixels.
     pub fn on_canvas(&self, surface: &Surface) -> Plane {
-        let margin = self.margin_px as f64;
         let mut plane = Plane::zeros(self.canvas());
-        for y in 0..plane.height() {
-            surface.row(y as f64 - margin, -margin, 1.0, plane.row_mut(y));
-        }
+        (0..plane.height()).for_each(|y| self.row_of(surface, y, plane.row_mut(y)));
         plane
+    }
+
+    /// `surface` at the pixels of canvas row `y`.
+    fn row_of(&self, surface: &Surface, y: usize, row: &mut [f32]) {
+        let margin = self.margin_px as f64;
+        surface.row(y as f64 - margin, -margin, 1.0, row);
     }
 
     /// The canvas in Work coordinates, bounded by the centres of its outermost pixels.
@@ -129,12 +128,14 @@ pub struct Correction {
     unmix: [[f32; 3]; 3],
     /// Linearised value of each count; `None` if the camera is linear.
     straight: Option<Vec<f32>>,
-    /// Linear counts of a black panel, canvas-sized.
-    black: [Plane; 3],
-    /// Light per unmixed count, canvas-sized: 1 / (counts per level · dark corner).
-    gain: [Plane; 3],
-    /// The panel column seen by each channel, canvas-sized; computed on first use.
-    columns: OnceLock<Frame<Work>>,
+    /// Linear counts of a black panel.
+    black: [Surface; 3],
+    /// Relative illumination.
+    dark_corner: [Surface; 3],
+    /// Unmixed counts per unit of light (0..255) where the dark corner is 1.
+    counts_per_level: [f32; 3],
+    /// The wave of the panel's columns; computed on first use.
+    wave: OnceLock<ColumnWave>,
     /// Response of the sensor's sites, if measured.
     sites: Option<SiteGains>,
 }
@@ -174,28 +175,23 @@ impl Correction {
             CorrectionError(format!("'s mixing of channels cannot be inverted: {mixing:?}"))
         })?;
         let canvas = layout.canvas();
-        let on_canvas = |surface: &Surface| layout.on_canvas(surface);
-        let gain = |c: Channel| {
-            let counts_per_level = calibration.counts_per_level[c.index()];
-            on_canvas(&calibration.dark_corner[c.index()])
-                .map(|d| 1.0 / (counts_per_level * d.max(LEAST_LIGHT)))
-        };
         Ok(Correction {
             layout,
             geometry: calibration.geometry.clone(),
             inverse: Channel::ALL.map(|c| Inverse::new(&calibration.curves[c.index()])),
             unmix,
             straight: straight_counts(&calibration.camera_curve),
-            black: Channel::ALL.map(|c| on_canvas(&calibration.black[c.index()])),
-            gain: Channel::ALL.map(gain),
-            columns: OnceLock::new(),
+            black: calibration.black.clone(),
+            dark_corner: calibration.dark_corner.clone(),
+            counts_per_level: calibration.counts_per_level,
+            wave: OnceLock::new(),
             sites: SiteGains::new(&calibration.pattern, canvas, layout.canvas_mosaic()),
         })
     }
 
-    /// The panel column, in panel pixels, that each channel sees at each canvas pixel.
-    pub fn panel_columns(&self) -> &Frame<Work> {
-        once(&self.columns, || self.layout.panel_columns(&self.geometry))
+    /// The wave of the panel's columns on the canvas.
+    pub fn column_wave(&self) -> &ColumnWave {
+        once(&self.wave, || self.layout.column_wave(&self.geometry))
     }
 
     /// Response of the sensor's sites on the canvas; `None` if not measured.
@@ -320,10 +316,11 @@ impl Correction {
         let mut light = Frame::<Work>::zeros(canvas);
         let mut good = Plane::<u8>::zeros(canvas);
         let width = canvas.width;
+        let black = Channel::each(|c| self.layout.on_canvas(&self.black[c.index()]));
         let even = self.sites.as_ref().map(|sites| {
             let over = |c: Channel, x: usize, y: usize| {
                 let count = counts.plane(c).at(left + x, top + y);
-                self.count(count) - self.black[c.index()].at(x, y)
+                self.count(count) - black[c.index()].at(x, y)
             };
             sites.evened(Rect { x: 0, y: 0, size: canvas }, over)
         });
@@ -347,7 +344,7 @@ impl Correction {
                 let e = even.planes().each_ref().map(|plane| plane.row(y));
                 return self.unmixed(y, light, |x| [e[0][x], e[1][x], e[2][x]]);
             }
-            let b = self.black.each_ref().map(|plane| plane.row(y));
+            let b = black.each_ref().map(|plane| plane.row(y));
             let over = |c: usize, x: usize| self.count(t[c][x]) - b[c][x];
             self.unmixed(y, light, |x| [over(0, x), over(1, x), over(2, x)]);
         });
@@ -381,7 +378,7 @@ impl Correction {
         [red, green, blue]: [&mut [f32]; 3],
         over: impl Fn(usize) -> [f32; 3],
     ) {
-        let g = self.gain.each_ref().map(|plane| plane.row(y));
+        let g = Channel::ALL.map(|c| self.gains(c, y, red.len()));
         for x in 0..red.len() {
             let over = over(x);
             let own = |to: usize| {
@@ -393,6 +390,15 @@ impl Correction {
             green[x] = own(1) * g[1][x];
             blue[x] = own(2) * g[2][x];
         }
+    }
+
+    /// Light per unmixed count of `channel` in canvas row `y` of `width` pixels.
+    fn gains(&self, channel: Channel, y: usize, width: usize) -> Vec<f32> {
+        let mut row = vec![0.0; width];
+        self.layout.row_of(&self.dark_corner[channel.index()], y, &mut row);
+        let counts_per_level = self.counts_per_level[channel.index()];
+        row.iter_mut().for_each(|d| *d = 1.0 / (counts_per_level * d.max(LEAST_LIGHT)));
+        row
     }
 }
 

@@ -8,10 +8,9 @@
 //! sensor's. So the smooth part includes a wave in phase with the panel's columns, along which the
 //! stripes of three colours lie.
 
-use std::f64::consts::TAU;
-
 use serde::{Deserialize, Serialize};
 
+use crate::deconvolution::panel_beat::ColumnWave;
 use crate::frame::{Channel, Frame, Mosaic, Plane, Size, Work};
 
 /// Quantisation of a response: 0.1 %, with an RMS error of 0.03 %, a twentieth of a usual sensor's
@@ -49,8 +48,8 @@ pub struct EvenlyLit<'a> {
     pub ratio: &'a Frame<Work>,
     /// Illumination relative to the mean.
     pub share: &'a Frame<Work>,
-    /// Panel column seen by each channel, panel pixels, for the phase of the wave.
-    pub panel: &'a Frame<Work>,
+    /// The wave of the panel's columns.
+    pub wave: &'a ColumnWave,
     /// Mean counts of the dark minus their smooth part.
     pub dark: &'a Frame<Work>,
     /// Colour filters over the canvas, if any.
@@ -123,7 +122,7 @@ fn fit_channel(
     let mut good = Plane::from_fn(size, fit);
     let mut response = Plane::zeros(size);
     for _ in 0..2 {
-        let around = surroundings(ratio, &good, seen.panel.plane(channel));
+        let around = surroundings(ratio, &good, seen.wave);
         response = Plane::from_fn(size, |x, y| ratio.at(x, y) / around.at(x, y) - 1.0);
         good =
             Plane::from_fn(size, |x, y| fit(x, y) && (response.at(x, y) / STEP).abs() <= STEPS_MAX);
@@ -152,13 +151,13 @@ fn hot_above(size: Size, dark: &Plane, own: &dyn Fn(usize, usize) -> bool) -> f3
     HOT_SIGMAS * sigma.hypot(12.0f32.sqrt().recip())
 }
 
-/// Smooth part of `plane` from its `good` sites: a constant and a wave in phase with `panel`, by
-/// least squares over a square.
-fn surroundings(plane: &Plane, good: &Plane<bool>, panel: &Plane) -> Plane {
+/// Smooth part of `plane` from its `good` sites: a constant and a share of `wave`, by least squares
+/// over a square.
+fn surroundings(plane: &Plane, good: &Plane<bool>, wave: &ColumnWave) -> Plane {
     let size = plane.size();
     let add = |columns: &mut [Moments], y: usize, weight: f64| {
         for (x, column) in columns.iter_mut().enumerate().filter(|&(x, _)| good.at(x, y)) {
-            column.add(f64::from(plane.at(x, y)), wave(panel.at(x, y)), weight);
+            column.add(f64::from(plane.at(x, y)), wave.at(x, y).map(f64::from), weight);
         }
     };
     // Running sums over the square's rows, and cumulative sums along the row.
@@ -179,16 +178,10 @@ fn surroundings(plane: &Plane, good: &Plane<bool>, panel: &Plane) -> Plane {
         for (x, smooth) in smooth.row_mut(y).iter_mut().enumerate() {
             let (first, past) = (x.saturating_sub(AROUND_PX), (x + AROUND_PX + 1).min(size.width));
             let square = before[past].plus(&before[first], -1.0);
-            *smooth = square.at(wave(panel.at(x, y))) as f32;
+            *smooth = square.at(wave.at(x, y).map(f64::from)) as f32;
         }
     }
     smooth
-}
-
-/// Cosine and sine of the wave with one period per panel pixel.
-fn wave(panel_px: f32) -> [f64; 2] {
-    let (sine, cosine) = (TAU * f64::from(panel_px)).sin_cos();
-    [cosine, sine]
 }
 
 /// Least-squares sums of values on 1, a cosine and a sine.
@@ -227,6 +220,7 @@ mod tests {
     use rand::SeedableRng;
     use rand_distr::{Distribution, StandardNormal};
     use rand_xoshiro::Xoshiro256PlusPlus;
+    use std::f32::consts::TAU;
 
     const SIZE: Size = Size::new(120, 90);
 
@@ -243,9 +237,9 @@ mod tests {
     fn responses_and_hot_and_dead_sites_are_found() {
         let truth = normal(1).map(|v: f32| 1.0 + 0.01 * v);
         let noise = normal(2);
-        let column = Plane::from_fn(SIZE, |x, y| 1.163 * x as f32 + 0.01 * y as f32);
+        let column = |x: usize, y: usize| 1.163 * x as f32 + 0.01 * y as f32;
         let mut ratio = Plane::from_fn(SIZE, |x, y| {
-            let beat = 0.01 * wave(column.at(x, y) + 0.3)[0] as f32;
+            let beat = 0.01 * (TAU * (column(x, y) + 0.3)).cos();
             let uneven = 1.0 + 0.0002 * x as f32 + beat;
             truth.at(x, y) * (1.0 + 0.0006 * noise.at(x, y)) * uneven
         });
@@ -256,9 +250,9 @@ mod tests {
         let share = all(&Plane::filled(SIZE, 1.0));
         for mosaic in [None, Some(Mosaic::Grbg)] {
             let (ratio, dark) = (all(&ratio), all(&dark));
-            let panel = &all(&column);
+            let wave = &ColumnWave::of(&Plane::from_fn(SIZE, column));
             let seen =
-                EvenlyLit { ratio: &ratio, share: &share, panel, dark: &dark, mosaic, rim_px: 0 };
+                EvenlyLit { ratio: &ratio, share: &share, wave, dark: &dark, mosaic, rim_px: 0 };
             let found = ResponsePattern::fit(&seen).unwrap();
             found.check(SIZE).unwrap();
             let expected = [(40, 31), (71, 50), (3, 80)].map(|(x, y)| y * SIZE.width + x);
@@ -281,8 +275,8 @@ mod tests {
         let ratio = Plane::from_fn(SIZE, |x, y| if (x + 3 * y) % 25 == 0 { 0.2 } else { 1.0 });
         let (ratio, dark) = (all(&ratio), all(&Plane::zeros(SIZE)));
         let light = all(&Plane::filled(SIZE, 1.0));
-        let (ratio, dark, panel) = (&ratio, &dark, &dark);
-        let seen = EvenlyLit { ratio, share: &light, panel, dark, mosaic: None, rim_px: 0 };
+        let (ratio, dark, wave) = (&ratio, &dark, &ColumnWave::of(&Plane::zeros(SIZE)));
+        let seen = EvenlyLit { ratio, share: &light, wave, dark, mosaic: None, rim_px: 0 };
         let share = ResponsePattern::fit(&seen).unwrap_err();
         assert!((share - 0.04).abs() < 0.001, "{share}");
         let unlit = all(&Plane::filled(SIZE, 0.01));

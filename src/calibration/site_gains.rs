@@ -141,6 +141,7 @@ fn patch(plane: &Plane, x: usize, y: usize, apart: usize) -> f32 {
 mod tests {
     use super::*;
     use crate::calibration::response_pattern::EvenlyLit;
+    use crate::deconvolution::panel_beat::ColumnWave;
 
     const CANVAS: Size = Size::new(40, 30);
 
@@ -154,7 +155,7 @@ mod tests {
         let all = |plane: &Plane| Frame::from_fn(|_| plane.clone());
         let (ratio, dark, share) = (all(&ratio), all(&dark), all(&Plane::filled(CANVAS, 1.0)));
         let seen = EvenlyLit {
-            panel: &dark,
+            wave: &ColumnWave::of(&Plane::zeros(CANVAS)),
             ratio: &ratio,
             share: &share,
             dark: &dark,
@@ -194,7 +195,7 @@ mod tests {
         let dark = Frame::zeros(CANVAS);
         let mosaic = Some(Mosaic::Rggb);
         let seen = EvenlyLit {
-            panel: &dark,
+            wave: &ColumnWave::of(&Plane::zeros(CANVAS)),
             ratio: &ratio,
             share: &ratio,
             dark: &dark,

@@ -5,6 +5,7 @@
 //! the rig's light path ([`crate::light_path`]) and, for tests, by a lens model.
 
 use super::data_term::TRUSTED;
+use super::panel_beat::ColumnWave;
 use crate::frame::{Channel, Frame, Size, Work};
 use crate::remedy::AnyFailure;
 
@@ -58,8 +59,8 @@ pub trait ForwardConvolution {
         self.forward(shown)
     }
 
-    /// Panel column, in panel pixels, imaged at each pixel of each channel; `None` without a panel.
-    fn panel_columns(&self) -> Option<&Frame<Work>> {
+    /// The wave of the panel's columns on the canvas; `None` without a panel.
+    fn column_wave(&self) -> Option<&ColumnWave> {
         None
     }
 

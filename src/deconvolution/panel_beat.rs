@@ -31,6 +31,30 @@ const SHARE_MAX: f64 = 0.5;
 /// distinguished from an uneven panel. Guess.
 const PERIODS_MIN: f32 = 3.0;
 
+/// The wave with one period per panel column, at each pixel of the canvas. The stripes of one
+/// colour beside another's shift its phase, which a fit absorbs.
+#[derive(Debug, Clone)]
+pub struct ColumnWave {
+    cosine: Plane,
+    sine: Plane,
+}
+
+impl ColumnWave {
+    /// The wave where pixels image `columns`, in panel pixels.
+    pub fn of(columns: &Plane) -> ColumnWave {
+        let phase = |column: f32| TAU * (column - column.floor());
+        ColumnWave {
+            cosine: columns.map(|column| phase(column).cos()),
+            sine: columns.map(|column| phase(column).sin()),
+        }
+    }
+
+    /// Cosine and sine at a pixel.
+    pub fn at(&self, x: usize, y: usize) -> [f32; 2] {
+        [self.cosine.at(x, y), self.sine.at(x, y)]
+    }
+}
+
 /// A channel of a capture in which a beat is estimated.
 pub struct SeenChannel<'a> {
     /// Captured light.
@@ -41,8 +65,8 @@ pub struct SeenChannel<'a> {
     pub valid: &'a (dyn Fn(usize, usize) -> bool + Sync),
     /// The photo's rectangle, which is divided into parts.
     pub photo: Rect,
-    /// Panel column imaged at each pixel, in panel pixels.
-    pub column: &'a Plane,
+    /// The wave of the panel's columns.
+    pub wave: &'a ColumnWave,
     /// Whether the channel has sites in every other column only, behind colour filters.
     pub at_sites: bool,
 }
@@ -76,9 +100,9 @@ impl PanelBeat {
             let mut sums: WaveSums = [0.0; 7];
             for y in rows {
                 let light = seen.light.row(y);
-                let (predicted, column) = (seen.predicted.row(y), seen.column.row(y));
+                let predicted = seen.predicted.row(y);
                 for x in columns.clone().filter(|&x| (seen.valid)(x, y)) {
-                    let [c, s] = wave(column[x]).map(|v| f64::from(v * predicted[x]));
+                    let [c, s] = seen.wave.at(x, y).map(|v| f64::from(v * predicted[x]));
                     let r = f64::from(light[x] - predicted[x]);
                     let terms = [c * c, c * s, s * s, r * c, r * s, r * r, 1.0];
                     sums.iter_mut().zip(terms).for_each(|(sum, term)| *sum += term);
@@ -100,12 +124,12 @@ impl PanelBeat {
         })
     }
 
-    /// Removes the beat from `light`, a channel that images the panel's `column`.
-    pub fn remove(&self, light: &mut Plane, column: &Plane) {
+    /// Removes the beat from `light`, a channel in which panel columns make `wave`.
+    pub fn remove(&self, light: &mut Plane, wave: &ColumnWave) {
         let width = light.width();
         light.data_mut().par_chunks_mut(width).enumerate().for_each(|(y, row)| {
-            for (x, (value, &column)) in row.iter_mut().zip(column.row(y)).enumerate() {
-                let ([a, b], [cosine, sine]) = (self.at(x, y), wave(column));
+            for (x, value) in row.iter_mut().enumerate() {
+                let ([a, b], [cosine, sine]) = (self.at(x, y), wave.at(x, y));
                 *value /= 1.0 + a * cosine + b * sine;
             }
         });
@@ -142,8 +166,9 @@ impl BeatParts {
             return None;
         }
         let (x, y) = (photo.x + photo.size.width / 2, photo.y + photo.size.height / 2);
-        let a_step = seen.column.at(x, y) - seen.column.at(x - spacing, y);
-        let periods = (a_step - a_step.round()).abs() * (photo.size.width / spacing) as f32;
+        let ([c, s], [before_c, before_s]) = (seen.wave.at(x, y), seen.wave.at(x - spacing, y));
+        let a_step = (s * before_c - c * before_s).atan2(c * before_c + s * before_s) / TAU;
+        let periods = a_step.abs() * (photo.size.width / spacing) as f32;
         let columns = ((periods / PERIODS_MIN) as usize).min(most);
         (columns >= COLUMNS_MIN).then_some(BeatParts { photo, columns, rows })
     }
@@ -160,35 +185,29 @@ impl BeatParts {
 }
 
 /// Removes the beats found in the `channels` of `seen`, given its prediction, the photo's validity
-/// mask and rectangle, and the panel `columns` that the channels image.
+/// mask and rectangle, and the `wave` of the panel's columns.
 pub fn remove_beats(
     seen: &mut Seen,
     predicted: &Frame<Work>,
     (trust, photo): (&Frame<Work, u8>, Rect),
-    columns: &Frame<Work>,
+    wave: &ColumnWave,
     mosaic: Option<Mosaic>,
     channels: &[Channel],
 ) {
     for &c in channels {
-        let (trusted, trust, column) = (seen.trusted.plane(c), trust.plane(c), columns.plane(c));
+        let (trusted, trust) = (seen.trusted.plane(c), trust.plane(c));
         let beat = PanelBeat::estimate(&SeenChannel {
             light: seen.light.plane(c),
             predicted: predicted.plane(c),
             valid: &|x, y| trusted.at(x, y) == TRUSTED && trust.at(x, y) != MISSING,
             photo,
-            column,
+            wave,
             at_sites: mosaic.is_some(),
         });
         if let Some(beat) = beat {
-            beat.remove(seen.light.plane_mut(c), column);
+            beat.remove(seen.light.plane_mut(c), wave);
         }
     }
-}
-
-/// Cosine and sine of one period per panel pixel.
-fn wave(panel_px: f32) -> [f32; 2] {
-    let (sine, cosine) = (TAU * (panel_px - panel_px.floor())).sin_cos();
-    [cosine, sine]
 }
 
 /// The least-squares [a, b] of a part; zeros where the equations are ill-conditioned or the
@@ -223,27 +242,28 @@ mod tests {
     struct Capture {
         light: Plane,
         predicted: Plane,
-        column: Plane,
+        wave: ColumnWave,
     }
 
     /// A noisy capture of uneven light whose beat falls off towards the right.
     fn capture(share: f32, columns_a_pixel: f32) -> Capture {
         let predicted = Plane::from_fn(SIZE, |x, y| 100.0 + 60.0 * (0.05 * (x + y) as f32).sin());
-        let column = Plane::from_fn(SIZE, |x, y| columns_a_pixel * x as f32 + 0.01 * y as f32);
+        let column = |x: usize, y: usize| columns_a_pixel * x as f32 + 0.01 * y as f32;
+        let wave = ColumnWave::of(&Plane::from_fn(SIZE, column));
         let noise = noise(1);
         let light = Plane::from_fn(SIZE, |x, y| {
             let weaker = share * (1.0 - 0.5 * x as f32 / SIZE.width as f32);
-            let beat = weaker * wave(column.at(x, y) + 0.3)[0];
+            let beat = weaker * (TAU * (column(x, y) + 0.3)).cos();
             predicted.at(x, y) * (1.0 + beat) + noise.at(x, y)
         });
-        Capture { light, predicted, column }
+        Capture { light, predicted, wave }
     }
 
     fn estimate(capture: &Capture, at_sites: bool) -> Option<PanelBeat> {
-        let Capture { light, predicted, column } = capture;
+        let Capture { light, predicted, wave } = capture;
         let valid = |x: usize, y: usize| !at_sites || (x + y).is_multiple_of(2);
         let (photo, valid) = (PHOTO, &valid);
-        PanelBeat::estimate(&SeenChannel { light, predicted, valid, photo, column, at_sites })
+        PanelBeat::estimate(&SeenChannel { light, predicted, valid, photo, wave, at_sites })
     }
 
     #[test]
@@ -258,7 +278,7 @@ mod tests {
                 residual.rms()
             };
             let before = residual(&light);
-            beat.remove(&mut light, &capture.column);
+            beat.remove(&mut light, &capture.wave);
             let after = residual(&light);
             assert!(before > 5.0 && after < 1.15, "{before} before, {after} after");
         }

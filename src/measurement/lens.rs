@@ -287,15 +287,8 @@ fn measure_operator_error(
     log::debug!("the chart's capture at {at_px:?} px registered: {found:?}");
     found.undo(&mut seen, &predicted, &Channel::ALL);
     let trust = Frame::filled(model.canvas(), TRUSTED);
-    let (columns, mosaic) = (correction.panel_columns(), session.layout.mosaic);
-    panel_beat::remove_beats(
-        &mut seen,
-        &predicted,
-        (&trust, place),
-        columns,
-        mosaic,
-        &Channel::ALL,
-    );
+    let (wave, mosaic) = (correction.column_wave(), session.layout.mosaic);
+    panel_beat::remove_beats(&mut seen, &predicted, (&trust, place), wave, mosaic, &Channel::ALL);
     for c in Channel::ALL {
         let (predicted, light) = (predicted.plane(c), seen.light.plane(c));
         calibration.operator_error[c.index()] =

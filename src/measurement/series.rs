@@ -247,17 +247,17 @@ fn remove_beat(
         let inside = lens_blur::within_a_square(shown.plane(c), support_px);
         let is_fine = !inside.data().contains(&1);
         let expected = |light: f32| if is_fine { GREY } else { GREY + light };
-        let (trusted, column) = (seen.trusted.plane(c), correction.panel_columns().plane(c));
+        let (trusted, wave) = (seen.trusted.plane(c), correction.column_wave());
         let beat = PanelBeat::estimate(&SeenChannel {
             light: seen.light.plane(c),
             predicted: &shown.plane(c).map(expected),
             valid: &|x, y| trusted.at(x, y) == TRUSTED && (is_fine || inside.at(x, y) == TRUSTED),
             photo: Rect { x: margin, y: margin, size: layout.photo },
-            column,
+            wave,
             at_sites: layout.mosaic.is_some(),
         });
         if let Some(beat) = beat {
-            beat.remove(seen.light.plane_mut(c), column);
+            beat.remove(seen.light.plane_mut(c), wave);
         }
     }
 }

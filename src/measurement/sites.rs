@@ -65,7 +65,7 @@ pub(super) fn pattern(
     let seen = EvenlyLit {
         ratio: &ratios,
         share: &shares,
-        panel: &layout.panel_columns(&calibration.geometry),
+        wave: &layout.column_wave(&calibration.geometry),
         dark: &darks,
         mosaic: layout.canvas_mosaic(),
         rim_px: rim,

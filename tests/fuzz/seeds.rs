@@ -13,6 +13,7 @@ use relens::calibration::{Calibration, CameraCurve, CrossChannel, Noise, Respons
 use relens::config;
 use relens::deconvolution::lens_model::{Halo, LensFunctions};
 use relens::deconvolution::level_norms::LevelNorms;
+use relens::deconvolution::panel_beat::ColumnWave;
 use relens::frame::{Channel, Frame, Mosaic, Plane, Size, Work};
 use relens::picture::{Dng, Format, Limits, Manner, Photo, PixelLayout, RawTags, encode, worker};
 
@@ -118,7 +119,7 @@ fn calibration(folder: &Path) {
     let flat = |v: f32| Frame::from_fn(|_| Plane::filled(Size::new(48, 38), v));
     let (ratio, dark): (Frame<Work>, Frame<Work>) = (flat(1.0), flat(0.0));
     let seen = EvenlyLit {
-        panel: &dark,
+        wave: &ColumnWave::of(&Plane::zeros(Size::new(48, 38))),
         ratio: &ratio,
         share: &ratio,
         dark: &dark,

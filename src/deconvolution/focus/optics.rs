@@ -8,6 +8,7 @@ use std::sync::Arc;
 
 use crate::deconvolution::forward_convolution::{ForwardConvolution, Seen};
 use crate::deconvolution::lens_model::LensModel;
+use crate::deconvolution::panel_beat::ColumnWave;
 use crate::frame::{Channel, FULL_SCALE, Frame, Size, Work};
 use crate::remedy::AnyFailure;
 
@@ -62,8 +63,8 @@ impl ForwardConvolution for OpticsAtFocus<'_> {
         Ok(self.refocus(shown, predicted, seen))
     }
 
-    fn panel_columns(&self) -> Option<&Frame<Work>> {
-        self.inner.panel_columns()
+    fn column_wave(&self) -> Option<&ColumnWave> {
+        self.inner.column_wave()
     }
 
     fn captures(&self) -> usize {

@@ -69,9 +69,9 @@ impl<'a> Problem<'a> {
         let found = Registration::fit(&comparison, blur_px);
         log::debug!("capture registered: {found:?}");
         found.undo(&mut seen, prediction, channels);
-        if let Some(columns) = optics.panel_columns() {
+        if let Some(wave) = optics.column_wave() {
             let (valid, mosaic) = ((trust, rect), self.capture_mosaic);
-            panel_beat::remove_beats(&mut seen, prediction, valid, columns, mosaic, channels);
+            panel_beat::remove_beats(&mut seen, prediction, valid, wave, mosaic, channels);
         }
         Ok(seen)
     }
