@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 /// Width and height in pixels.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub struct Size {
     /// Pixels in a row.
     pub width: usize,
@@ -56,8 +56,8 @@ impl From<Size> for PhotoGrid {
     }
 }
 
-/// A grid of numbers, row-major, height × width.
-#[derive(Debug, Clone, PartialEq)]
+/// A grid of numbers, row-major, height × width; by default without any.
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct Plane<T = f32> {
     size: Size,
     data: Vec<T>,

@@ -48,7 +48,6 @@ struct OneLevel {
 struct Channelwise {
     coefficients: Coefficients,
     scratch: Scratch,
-    one: Plane,
     sum: Plane,
 }
 
@@ -101,8 +100,7 @@ impl AlongAxes {
             let channels = [(); 3].map(|()| Channelwise {
                 coefficients: transform.zeros(),
                 scratch: Scratch::default(),
-                one: Plane::zeros(Size::new(0, 0)),
-                sum: Plane::zeros(Size::new(0, 0)),
+                sum: Plane::default(),
             });
             of_level = Size::new(of_level.width.div_ceil(2), of_level.height.div_ceil(2));
             OneLevel { transform, channels }
@@ -180,31 +178,28 @@ fn apply(
         let [r, g, b] = &mut here.channels;
         let bands: Vec<_> = r.bands().into_iter().zip(g.bands()).zip(b.bands()).collect();
         bands.into_par_iter().with_max_len(1).for_each(|((r, g), b)| operation(level, [r, g, b]));
-        let none = || Plane::zeros(Size::new(0, 0));
-        let taken =
-            |own: &mut Channelwise| std::mem::replace(&mut own.coefficients.approximation, none());
+        let taken = |own: &mut Channelwise| std::mem::take(&mut own.coefficients.approximation);
         let mut coarse = here.channels.each_mut().map(taken);
         apply(deeper, level + 1, &mut coarse, coarser, operation);
         for (own, coarse) in here.channels.iter_mut().zip(coarse) {
             own.coefficients.approximation = coarse;
         }
-        let alone = shifts.len() == 1;
+        let (is_only, is_last) = (shifts.len() == 1, k + 1 == shifts.len());
         here.channels.par_iter_mut().zip(&mut *planes).for_each(|(own, plane)| {
-            if alone {
-                transform.synthesise_shifted(&own.coefficients, shift, plane, &mut own.scratch);
-                return;
+            let Channelwise { coefficients, scratch, sum } = own;
+            if is_only {
+                return transform.synthesise_shifted(coefficients, shift, plane, scratch);
             }
-            if own.one.size() != plane.size() {
-                (own.one, own.sum) = (plane.clone(), plane.clone());
+            if sum.size() != plane.size() {
+                *sum = plane.clone();
             }
-            let out = if k == 0 { &mut own.sum } else { &mut own.one };
-            transform.synthesise_shifted(&own.coefficients, shift, out, &mut own.scratch);
-            if k > 0 {
-                own.sum.add_scaled(1.0, &own.one);
+            match k {
+                0 => transform.synthesise_shifted(coefficients, shift, sum, scratch),
+                _ => transform.add_synthesis(coefficients, shift, sum, scratch),
             }
-            if k + 1 == shifts.len() {
-                let sums = own.sum.data().iter();
+            if is_last {
                 let mean = 1.0 / shifts.len() as f32;
+                let sums = sum.data().iter();
                 plane.data_mut().iter_mut().zip(sums).for_each(|(v, sum)| *v = mean * sum);
             }
         });

@@ -64,7 +64,7 @@ impl DetailMask {
     /// details decides; thresholds scale with the local noise σ. Pixels of `raw` planes are valid
     /// at the sites of a mosaic.
     pub fn of(planes: &[NoisyPlane<'_>], levels: usize, raw: bool) -> DetailMask {
-        let size = planes.first().map_or(Size::new(0, 0), |plane| blocks(plane.light.size()));
+        let size = planes.first().map_or(Size::default(), |plane| blocks(plane.light.size()));
         let (activities, all_ratios): (Vec<Activity>, Vec<Plane>) = planes
             .par_iter()
             .map(|plane| {

@@ -1,9 +1,9 @@
 //! Decomposition of the canvas into cells, in each of which the same four functions are
 //! interpolated.
 //!
-//! Between the centres of four neighbouring functions the bilinear weights are separable. Cells at
-//! the border extend to the canvas's edge. Each cell is convolved by Fourier transforms padded by
-//! the support.
+//! Between the centres of four neighbouring functions the bilinear weights are separable. Beyond
+//! the outermost centres cells extend to the canvas's edge, with fewer functions. Each cell is
+//! convolved by Fourier transforms padded by the support.
 
 use super::LensFunctions;
 use super::fourier::{Fourier, fast_length};
@@ -38,7 +38,10 @@ impl Side {
         let mut side =
             Side { stretches: Vec::new(), transforms: Vec::new(), weight: along.weight.clone() };
         let mut start = 0;
-        for run in along.lower.chunk_by(|a, b| a == b) {
+        // Before the first centre its function alone counts, as the last one's behind the last.
+        let functions = along.lower.iter().zip(&along.weight);
+        let functions: Vec<_> = functions.map(|(&n, &w)| (n, n == 0 && w == 0.0)).collect();
+        for run in functions.chunk_by(|a, b| a == b) {
             let pieces = run.len().div_ceil(CELL_PX_MAX);
             for piece in 0..pieces {
                 let (from, to) = (run.len() * piece / pieces, run.len() * (piece + 1) / pieces);

@@ -5,7 +5,7 @@
 pub(super) struct Interpolation {
     /// Lower function of each pixel.
     pub(super) lower: Vec<usize>,
-    /// Upper function of each pixel; equal to `lower` where there is only one.
+    /// Upper function of each pixel; equal to `lower` from the last centre on.
     pub(super) upper: Vec<usize>,
     /// Weight of the upper function, 0..=1.
     pub(super) weight: Vec<f32>,
@@ -27,7 +27,7 @@ impl Interpolation {
             // Position in units of functions: 0 at the first centre, `last` at the last one.
             let place =
                 ((pixel as f64 - margin_px as f64 + 0.5) / spacing - 0.5).clamp(0.0, last as f64);
-            let lower = (place.floor() as usize).min(last.saturating_sub(1));
+            let lower = place.floor() as usize;
             made.lower.push(lower);
             made.upper.push((lower + 1).min(last));
             made.weight.push((place - lower as f64) as f32);
@@ -47,7 +47,7 @@ mod tests {
         assert_eq!(along.weight[3], 0.0);
         assert_eq!(along.weight[4], 0.125);
         assert_eq!(along.weight[7], 0.875);
-        assert_eq!(along.weight[11], 1.0);
+        assert_eq!((along.lower[11], along.upper[11], along.weight[11]), (1, 1, 0.0));
     }
 
     #[test]

@@ -68,10 +68,9 @@ impl Default for Digital {
 pub const ABOUT: About = About { name: "digital", starts_from_lens: true };
 
 /// What a solve starts from.
-#[derive(Clone, Copy)]
 pub(super) enum Start<'a> {
     /// A first guess. Faint texture is looked for halfway.
-    Guess(&'a Frame<Work>),
+    Guess(Frame<Work>),
     /// A solved picture. Faint texture is looked for at once.
     Picture {
         /// The picture on the canvas.
@@ -154,7 +153,7 @@ impl Digital {
         let target = Target { problem, data, mask, axes: axes.as_ref(), norms };
         let seconds = course.seconds();
         let method = Digital { steps: OWN_STEPS, ..*self };
-        let (picture, steps) = method.solve_from(target, Start::Guess(&start), watch);
+        let (picture, steps) = method.solve_from(target, Start::Guess(start), watch);
         course.extend(&steps, 0, seconds);
         (picture, course.record)
     }
@@ -174,10 +173,10 @@ impl Digital {
         let wiener = Wiener { noise_to_signal };
         let mut start = problem.frame_of(|c| wiener.filter_channel(problem, c));
         if axes.is_none() {
-            return self.solve_from(target, Start::Guess(&start), watch);
+            return self.solve_from(target, Start::Guess(start), watch);
         }
         ColourPrior::new(self.prior(), target).refine_start(target, &mut start);
-        self.solve_from(target, Start::Guess(&start), watch)
+        self.solve_from(target, Start::Guess(start), watch)
     }
 
     /// All channels of `target` solved from `start`; the record is the green channel's.
@@ -190,13 +189,14 @@ impl Digital {
         let problem = target.problem;
         let observation = problem.observation;
         let channels = observation.channels.list();
-        let (picture, mut prediction, texture_step) = match start {
+        let (mut picture, mut prediction, texture_step) = match start {
             Start::Guess(guess) => (guess, None, (self.steps / 2).max(1)),
-            Start::Picture { picture, prediction } => (picture, Some(prediction), 1),
+            Start::Picture { picture, prediction } => (picture.clone(), Some(prediction), 1),
         };
         let mut course = Course::new(problem.stopwatch);
         let mut prior = ColourPrior::new(self.prior(), target);
-        let mut stepped: Vec<Plane> = channels.iter().map(|&c| picture.plane(c).clone()).collect();
+        let taken = |&c: &Channel| std::mem::take(picture.plane_mut(c));
+        let mut stepped: Vec<Plane> = channels.iter().map(taken).collect();
         let solves = channels.iter().zip(&stepped);
         let mut solves: Vec<ChannelSolve> =
             solves.map(|(&c, start)| ChannelSolve::new(c, start)).collect();
@@ -227,8 +227,9 @@ impl Digital {
                 watch(&course.step(green.residual_rms, ResidualOf::Model, 0), None);
             }
         }
-        let mut picture = Frame::zeros(problem.size());
         channels.iter().zip(stepped).for_each(|(&c, plane)| *picture.plane_mut(c) = plane);
+        // Block matching needs the memory.
+        drop((prior, solves));
         let target = Target { data: expected.as_ref().unwrap_or(target.data), ..target };
         if let Some(blocks) = self.blocks {
             picture = blocks.solve(target, picture, &mut course, watch);

@@ -12,6 +12,28 @@ use crate::frame::Size;
 /// Columns filtered at a time along y: sixteen rows of them fit the L1 cache (16 KiB).
 const COLUMNS_AT_A_TIME: usize = 256;
 
+/// How a result is written.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Put {
+    /// Replaces what there is.
+    Set,
+    /// Is added to it.
+    Add,
+}
+
+impl Put {
+    pub(super) fn write(self, to: &mut [f32], from: &[f32]) {
+        match self {
+            Put::Set => to.copy_from_slice(from),
+            Put::Add => {
+                for (to, from) in to.iter_mut().zip(from) {
+                    *to += from;
+                }
+            }
+        }
+    }
+}
+
 /// The filters, and the size of parallel tasks.
 #[derive(Debug, Clone)]
 pub(super) struct Lines {
@@ -145,14 +167,14 @@ impl Lines {
         from: Size,
         to: Size,
         shift: (usize, usize),
-        out: &mut [f32],
+        (out, put): (&mut [f32], Put),
     ) {
         let half = from.width;
         let (shift, shift_rows) = (shift.0 % to.width, shift.1 % to.height);
         self.on_rows(out, to.width, |first, out| {
             let [mut averages, mut details, mut odd, mut even] =
                 [(); 4].map(|()| vec![0.0; half + 8]);
-            let mut rotated = vec![0.0; if shift == 0 { 0 } else { to.width }];
+            let mut line = vec![0.0; to.width];
             for (y, row) in (first..).zip(out.chunks_exact_mut(to.width)) {
                 let source = ((y + to.height - shift_rows) % to.height + 1) % (2 * from.height);
                 averages[4..half + 4].copy_from_slice(&low[source * half..][..half]);
@@ -163,12 +185,11 @@ impl Lines {
                     std::array::from_fn(|j| if j < 8 { &averages[j..] } else { &details[j - 8..] });
                 two_sums(&rows, &self.synthesis, &mut odd[..half], &mut even[..half]);
                 odd[half] = odd[0]; // x[−1] is x[2·half − 1]
-                if shift == 0 {
-                    join(&even[..half], &odd[1..half + 1], row);
-                } else {
-                    join(&even[..half], &odd[1..half + 1], &mut rotated);
-                    rotate(to.width - shift, &rotated, row);
-                }
+                join(&even[..half], &odd[1..half + 1], &mut line);
+                let (head, tail) = row.split_at_mut(shift);
+                let (line_head, line_tail) = line.split_at(to.width - shift);
+                put.write(tail, line_head);
+                put.write(head, line_tail);
             }
         });
     }

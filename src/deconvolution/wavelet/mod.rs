@@ -12,7 +12,7 @@ mod two_sums;
 use rayon::prelude::*;
 
 use crate::frame::{Plane, STRETCH, Size};
-use lines::Lines;
+use lines::{Lines, Put};
 
 /// Low-pass analysis filter of Symlets 8, from PyWavelets.
 const LOW: [f64; 16] = [
@@ -219,6 +219,27 @@ impl Sym8 {
         out: &mut Plane,
         scratch: &mut Scratch,
     ) {
+        self.put_synthesis(coefficients, shift, (out, Put::Set), scratch);
+    }
+
+    /// Adds the plane of [`Sym8::synthesise_shifted`] to `sum`.
+    pub fn add_synthesis(
+        &self,
+        coefficients: &Coefficients,
+        shift: (usize, usize),
+        sum: &mut Plane,
+        scratch: &mut Scratch,
+    ) {
+        self.put_synthesis(coefficients, shift, (sum, Put::Add), scratch);
+    }
+
+    fn put_synthesis(
+        &self,
+        coefficients: &Coefficients,
+        shift: (usize, usize),
+        (out, put): (&mut Plane, Put),
+        scratch: &mut Scratch,
+    ) {
         assert!(out.size() == self.size(), "the plane has the transform's size");
         let mut approximation = std::mem::take(&mut scratch.approximation);
         approximation.clear();
@@ -227,7 +248,8 @@ impl Sym8 {
             for y in 0..out.height() {
                 for x in 0..out.width() {
                     let (to_x, to_y) = ((x + shift.0) % out.width(), (y + shift.1) % out.height());
-                    out.set(to_x, to_y, approximation[y * out.size().width + x]);
+                    let value = &approximation[y * out.size().width + x..][..1];
+                    put.write(&mut out.row_mut(to_y)[to_x..][..1], value);
                 }
             }
         }
@@ -239,10 +261,10 @@ impl Sym8 {
             self.lines.synthesise_columns(&approximation, horizontal.data(), from, low);
             self.lines.synthesise_columns(vertical.data(), diagonal.data(), from, high);
             let output = if level == 0 {
-                out.data_mut()
+                (out.data_mut(), put)
             } else {
                 approximation.resize(to.area(), 0.0);
-                &mut approximation[..]
+                (&mut approximation[..], Put::Set)
             };
             self.lines.synthesise_rows((low, high), from, to, shift, output);
         }

@@ -45,7 +45,6 @@ impl Clone for SpinningScratch {
 struct LevelScratch {
     coefficients: Coefficients,
     sum: Plane,
-    one: Plane,
     transform: Scratch,
     rows: Vec<f32>,
 }
@@ -142,22 +141,10 @@ impl Spinning {
                     std::mem::swap(approximation, &mut deeper[0].sum);
                 }
             }
+            let LevelScratch { coefficients, sum, transform: scratch, .. } = &mut *here;
             match k {
-                0 => transform.synthesise_shifted(
-                    &here.coefficients,
-                    shift,
-                    &mut here.sum,
-                    &mut here.transform,
-                ),
-                _ => {
-                    transform.synthesise_shifted(
-                        &here.coefficients,
-                        shift,
-                        &mut here.one,
-                        &mut here.transform,
-                    );
-                    here.sum.add_scaled(1.0, &here.one);
-                }
+                0 => transform.synthesise_shifted(coefficients, shift, sum, scratch),
+                _ => transform.add_synthesis(coefficients, shift, sum, scratch),
             }
         }
     }
@@ -166,11 +153,9 @@ impl Spinning {
         let fits = scratch.len() == self.levels.len()
             && self.levels.iter().zip(&*scratch).all(|(t, level)| t.size() == level.sum.size());
         if !fits {
-            let made = self.levels.iter().enumerate().map(|(level, transform)| LevelScratch {
+            let made = self.levels.iter().map(|transform| LevelScratch {
                 coefficients: transform.zeros(),
                 sum: Plane::zeros(transform.size()),
-                // Each task has one shift of the finest level and needs no second plane.
-                one: Plane::zeros(if level == 0 { Size::new(0, 0) } else { transform.size() }),
                 transform: Scratch::default(),
                 rows: Vec::new(),
             });

@@ -230,7 +230,7 @@ impl SimulatedSensor {
             bytes.extend_from_slice(&count.to_le_bytes()[..wide]);
         }
         let mut counts = Counts::zeros(sites.size());
-        let mut scratch = Plane::zeros(Size::new(0, 0));
+        let mut scratch = Plane::default();
         if let Err(short) = format.unpack(&bytes, sites.width() * wide, &mut counts, &mut scratch) {
             log::error!("a frame of the simulated camera: {short}");
         }

@@ -100,8 +100,7 @@ impl Witness {
     pub fn function(&self, light: Light, channel: Channel, at: [f64; 2]) -> Plane {
         let support = self.optics.support_px;
         let (values, _) = self.optics.function(light, channel, at);
-        Plane::from_vec(Size::new(support, support), values)
-            .unwrap_or_else(|| Plane::zeros(Size::new(0, 0)))
+        Plane::from_vec(Size::new(support, support), values).unwrap_or_default()
     }
 
     /// Sensor place of the centroid of panel place `at`; (0, 0) is the centre of the first pixel.
