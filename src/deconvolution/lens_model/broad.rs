@@ -156,19 +156,27 @@ impl Veil {
                 }
             },
         );
-        let along_x = apply(&means, &self.x, |spread, count, to, from| spread[to * count + from]);
-        let cells = apply(&along_x, &self.y, |spread, count, to, from| spread[to * count + from]);
+        let cells = self.apply(&means, |spread, count, to, from| spread[to * count + from]);
         let x = &self.x;
-        self.on_rows(light.width(), |n, pixel| {
-            let (left, right) =
-                (cells.row(n)[x.lower[pixel]], cells.row(n)[x.after(x.lower[pixel])]);
-            left + x.along[pixel] * (right - left)
+        self.on_rows(light.width(), |n, row| {
+            let cells = cells.row(n);
+            for ((v, &lower), along) in row.iter_mut().zip(&x.lower).zip(&x.along) {
+                *v = cells[lower] + along * (cells[x.after(lower)] - cells[lower]);
+            }
         })
     }
 
-    /// A plane of `width` pixels and one row per row of cells.
-    fn on_rows(&self, width: usize, of: impl Fn(usize, usize) -> f32) -> Plane {
-        Plane::from_fn(Size::new(width, self.y.count()), |pixel, n| of(n, pixel))
+    /// A plane of `width` pixels and one row per row of cells, filled row by row.
+    fn on_rows(&self, width: usize, fill: impl Fn(usize, &mut [f32])) -> Plane {
+        let mut plane = Plane::zeros(Size::new(width, self.y.count()));
+        (0..plane.height()).for_each(|n| fill(n, plane.row_mut(n)));
+        plane
+    }
+
+    /// Applies the matrices with the elements `at`(spread, count, to, from) along both axes.
+    fn apply(&self, cells: &Plane, at: fn(&[f32], usize, usize, usize) -> f32) -> Plane {
+        let along_x = transposed(&apply(&transposed(cells), &self.x, at));
+        apply(&along_x, &self.y, at)
     }
 
     /// Adds `share` of the result of [`Veil::spread`] to row `y` of a plane.
@@ -210,12 +218,12 @@ impl Veil {
                 }
             },
         );
-        let along_x = apply(&cells, &self.x, |spread, count, to, from| spread[from * count + to]);
-        let cells = apply(&along_x, &self.y, |spread, count, to, from| spread[from * count + to]);
-        let (x, y) = (&self.x, &self.y);
-        self.on_rows(seen.width(), |n, pixel| {
-            let column = pixel / x.cell;
-            cells.row(n)[column] * x.weights[column] * y.weights[n]
+        let cells = self.apply(&cells, |spread, count, to, from| spread[from * count + to]);
+        self.on_rows(seen.width(), |n, row| {
+            let columns = cells.row(n).iter().zip(&self.x.weights);
+            for (part, (cell, weight)) in row.chunks_mut(self.x.cell).zip(columns) {
+                part.fill(cell * weight * self.y.weights[n]);
+            }
         })
     }
 
@@ -226,26 +234,26 @@ impl Veil {
     }
 }
 
-/// Applies a matrix along the rows of `cells` and transposes, so that two calls apply one along
-/// each axis.
+/// Applies a matrix along the columns of `cells`.
 fn apply(
     cells: &Plane,
     side: &HaloSide,
     at: impl Fn(&[f32], usize, usize, usize) -> f32 + Sync,
 ) -> Plane {
-    let (count, height) = (cells.width(), cells.height());
-    let mut out = vec![0.0f32; count * height];
-    out.par_chunks_mut(height.max(1)).enumerate().for_each(|(to, line)| {
-        let near = to.saturating_sub(side.reach)..(to + side.reach + 1).min(count);
-        let weights: Vec<f32> =
-            near.clone().map(|from| at(&side.spread, count, to, from)).collect();
-        for (y, value) in line.iter_mut().enumerate() {
-            *value =
-                cells.row(y)[near.clone()].iter().zip(&weights).map(|(v, weight)| weight * v).sum();
+    let count = cells.height();
+    let mut out = Plane::zeros(cells.size());
+    let lines = out.data_mut().par_chunks_mut(cells.width().max(1)).enumerate();
+    lines.for_each(|(to, line)| {
+        for from in to.saturating_sub(side.reach)..(to + side.reach + 1).min(count) {
+            let weight = at(&side.spread, count, to, from);
+            line.iter_mut().zip(cells.row(from)).for_each(|(sum, v)| *sum += weight * v);
         }
     });
-    Plane::from_vec(Size::new(height, count), out)
-        .unwrap_or_else(|| Plane::zeros(Size::new(height, count)))
+    out
+}
+
+fn transposed(plane: &Plane) -> Plane {
+    Plane::from_fn(Size::new(plane.height(), plane.width()), |x, y| plane.at(y, x))
 }
 
 /// The broad light of one channel.

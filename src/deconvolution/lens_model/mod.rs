@@ -145,9 +145,8 @@ impl LensModel {
         margin_px: usize,
         functions: &LensFunctions,
     ) -> Result<Self, LensModelError> {
-        let made = LensModel::new(photo, margin_px, functions)?;
-        let LensModel { functions, cells, spectra, .. } = made;
-        Ok(LensModel { functions, cells, spectra, ..self.clone() })
+        let broad = self.broad.clone();
+        Ok(LensModel { broad, ..LensModel::new(photo, margin_px, functions)? })
     }
 
     /// `out` = K x.

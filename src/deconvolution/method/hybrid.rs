@@ -95,8 +95,12 @@ impl Method for Hybrid {
             if capture == last && last > 1 {
                 break;
             }
-            let Some(defect) = run.find_defect(&candidate, capture == 1) else { break };
-            let (picture, prediction) = run.correct(&candidate, &defect, watch);
+            let mut defect = match run.find_defect(&candidate, capture == 1) {
+                Finding::Defect(defect) => Some(defect),
+                Finding::Unfiltered => None,
+                Finding::Finished => break,
+            };
+            let (picture, prediction) = run.correct(&candidate, defect.as_mut(), watch);
             if capture == last {
                 // The only capture is spent: no light certifies the correction.
                 run.certificate.optical_residual = None;
@@ -105,7 +109,7 @@ impl Method for Hybrid {
             }
             let seen = problem.capture(optics, &prediction, &picture)?;
             let longest = if self.digital.blocks.is_some() { STEP_MAX_BY_BLOCKS } else { STEP_MAX };
-            let corrected = Candidate { picture, prediction, seen, defect: Some(defect.light) };
+            let corrected = Candidate { picture, prediction, seen, defect };
             candidate.step_towards(&corrected, problem, longest);
         }
         Ok(run.finish(candidate))
@@ -133,12 +137,14 @@ struct Run<'a> {
     certificate: Certificate,
 }
 
-/// A defect to correct.
-struct Defect {
-    /// d on the canvas, linear light.
-    light: Frame<Work>,
-    /// Whether it changes the data term; else block matching alone follows.
-    is_correction: bool,
+/// What a candidate's capture shows.
+enum Finding {
+    /// A defect d of the model, on the canvas, linear light.
+    Defect(Frame<Work>),
+    /// No defect; block matching has not solved the candidate yet.
+    Unfiltered,
+    /// A solved photo, or a hopeless one.
+    Finished,
 }
 
 impl<'a> Run<'a> {
@@ -189,32 +195,26 @@ impl<'a> Run<'a> {
         watch(&step, Some(&candidate.picture));
     }
 
-    /// The defect of the model at `candidate`, with the known one; `None` where the photo is solved
-    /// or hopeless.
-    fn find_defect(&self, candidate: &Candidate, is_first: bool) -> Option<Defect> {
+    /// The defect of the model at `candidate`, with the known one.
+    fn find_defect(&self, candidate: &Candidate, is_first: bool) -> Finding {
         let (problem, channels) = (self.problem, self.channels());
         let unexplained = candidate.seen.unexplained(&candidate.prediction, channels);
         if is_first && problem.is_hopeless.is_some_and(|test| test(&candidate.prediction)) {
-            return None;
+            return Finding::Finished;
         }
         let mut light = self.measure_defect(unexplained, candidate);
         let over_floor = |&c: &Channel| light.plane(c).rms() as f32 / problem.noise_floor(c);
         let size = channels.iter().map(over_floor).fold(0.0, f32::max);
-        let is_significant = size > DEFECT_FLOOR;
-        if !is_significant {
-            // Block matching has not solved the first candidate yet.
-            let is_unsolved = is_first && self.method.digital.blocks.is_some();
-            if !is_unsolved {
-                return None;
-            }
-            light = Frame::zeros(problem.size());
+        if size <= DEFECT_FLOOR {
+            let is_unfiltered = is_first && self.method.digital.blocks.is_some();
+            return if is_unfiltered { Finding::Unfiltered } else { Finding::Finished };
         }
         if let Some(known) = &candidate.defect {
             for &c in channels {
                 light.plane_mut(c).add_scaled(1.0, known.plane(c));
             }
         }
-        Some(Defect { light, is_correction: is_significant })
+        Finding::Defect(light)
     }
 
     /// What is `unexplained` beyond the known defect, (y − K̂L) − d, with its noise shrunk away;
@@ -249,19 +249,16 @@ impl<'a> Run<'a> {
     fn correct(
         &mut self,
         candidate: &Candidate,
-        defect: &Defect,
+        mut defect: Option<&mut Frame<Work>>,
         watch: &mut Watch<'_>,
     ) -> (Frame<Work>, Frame<Work>) {
         let (method, problem) = (self.method, self.problem);
         let observation = problem.observation;
-        let mut data: Frame<Work> = observation.light.clone();
-        for &channel in self.channels() {
-            data.plane_mut(channel).add_scaled(-1.0, defect.light.plane(channel));
-        }
         // A coarse defect hardly changes with the picture; a fine one does, and its error counts as
         // noise.
         let fine_power = |c: Channel| {
-            let power: f64 = method.detail_powers(defect.light.plane(c)).iter().sum();
+            let power = |defect: &Frame<Work>| method.detail_powers(defect.plane(c)).iter().sum();
+            let power: f64 = defect.as_deref().map_or(0.0, power);
             (power / problem.size().area() as f64).sqrt() as f32
         };
         let blocks = method.digital.blocks;
@@ -269,17 +266,33 @@ impl<'a> Run<'a> {
             blocks.map(|blocks| Blocks { model_error: Channel::ALL.map(fine_power), ..blocks });
         let steps = observation.sampling.correction_steps(method.correction_steps);
         let correction = Digital { steps, blocks, ..method.digital };
-        let norms = &self.careful_norms(&candidate.picture, &defect.light);
+        let norms = defect.as_deref().map(|d| self.careful_norms(&candidate.picture, d));
+        let norms = norms.as_ref().unwrap_or(problem.level_norms);
         let PhotoStructure { mask, axes } = &self.structure;
-        let target = Target { problem, data: &data, mask, axes: axes.as_ref(), norms };
+        // B − d in place of d, and back.
+        let subtract_from_photo = |defect: &mut Frame<Work>| {
+            for &c in observation.channels.list() {
+                let photo = observation.light.plane(c).data();
+                let values = defect.plane_mut(c).data_mut().iter_mut();
+                values.zip(photo).for_each(|(value, photo)| *value = photo - *value);
+            }
+        };
+        if let Some(defect) = &mut defect {
+            subtract_from_photo(defect);
+        }
+        let data = defect.as_deref().unwrap_or(&observation.light);
+        let target = Target { problem, data, mask, axes: axes.as_ref(), norms };
         let start =
             Start::Picture { picture: &candidate.picture, prediction: &candidate.prediction };
         let (picture, steps) = correction.solve_from(target, start, watch);
+        if let Some(defect) = &mut defect {
+            subtract_from_photo(defect);
+        }
         let prediction = problem.predict(&picture);
         let last = self.course.record.steps().last();
         let (captures, seconds) = last.map_or((0, 0.0), |last| (last.captures, last.seconds));
         self.course.extend(&steps, captures, seconds);
-        self.certificate.corrections += u32::from(defect.is_correction);
+        self.certificate.corrections += u32::from(defect.is_some());
         (picture, prediction)
     }
 

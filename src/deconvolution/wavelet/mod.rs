@@ -175,15 +175,14 @@ impl Sym8 {
             let Scratch { low, high, .. } = &mut *scratch;
             self.lines.analyse_rows(input, from, shift.0, low, high);
             let Details { horizontal, vertical, diagonal } = &mut out.details[level];
-            approximation.resize(to.area(), 0.0);
+            let averages = if level + 1 == self.levels() {
+                out.approximation.data_mut()
+            } else {
+                approximation.resize(to.area(), 0.0);
+                &mut approximation[..]
+            };
             let (height, turn) = (from.height, shift.1);
-            self.lines.analyse_columns(
-                low,
-                height,
-                to,
-                turn,
-                (&mut approximation, horizontal.data_mut()),
-            );
+            self.lines.analyse_columns(low, height, to, turn, (averages, horizontal.data_mut()));
             self.lines.analyse_columns(
                 high,
                 height,
@@ -197,8 +196,6 @@ impl Sym8 {
                 plane.at((x + shift.0) % plane.width(), (y + shift.1) % plane.height())
             });
             out.approximation = turned;
-        } else {
-            out.approximation.data_mut().copy_from_slice(&approximation);
         }
         scratch.approximation = approximation;
     }
@@ -242,13 +239,12 @@ impl Sym8 {
     ) {
         assert!(out.size() == self.size(), "the plane has the transform's size");
         let mut approximation = std::mem::take(&mut scratch.approximation);
-        approximation.clear();
-        approximation.extend_from_slice(coefficients.approximation.data());
+        let last = coefficients.approximation.data();
         if self.levels() == 0 {
             for y in 0..out.height() {
                 for x in 0..out.width() {
                     let (to_x, to_y) = ((x + shift.0) % out.width(), (y + shift.1) % out.height());
-                    let value = &approximation[y * out.size().width + x..][..1];
+                    let value = &last[y * out.size().width + x..][..1];
                     put.write(&mut out.row_mut(to_y)[to_x..][..1], value);
                 }
             }
@@ -258,7 +254,8 @@ impl Sym8 {
             let Details { horizontal, vertical, diagonal } = &coefficients.details[level];
             let shift = if level == 0 { shift } else { (0, 0) };
             let Scratch { low, high, .. } = &mut *scratch;
-            self.lines.synthesise_columns(&approximation, horizontal.data(), from, low);
+            let averages = if level + 1 == self.levels() { last } else { &approximation };
+            self.lines.synthesise_columns(averages, horizontal.data(), from, low);
             self.lines.synthesise_columns(vertical.data(), diagonal.data(), from, high);
             let output = if level == 0 {
                 (out.data_mut(), put)
