@@ -101,7 +101,11 @@ pub struct Scratch {
 
 impl Sym8 {
     /// The transform of planes of `size` with `levels` levels.
+    ///
+    /// # Panics
+    /// Without a level.
     pub fn new(size: Size, levels: usize) -> Self {
+        assert!(levels > 0, "a transform has a level");
         let mut sizes = vec![size];
         for level in 0..levels {
             sizes.push(Size::new(sizes[level].width.div_ceil(2), sizes[level].height.div_ceil(2)));
@@ -191,12 +195,6 @@ impl Sym8 {
                 (vertical.data_mut(), diagonal.data_mut()),
             );
         }
-        if self.levels() == 0 {
-            let turned = Plane::from_fn(plane.size(), |x, y| {
-                plane.at((x + shift.0) % plane.width(), (y + shift.1) % plane.height())
-            });
-            out.approximation = turned;
-        }
         scratch.approximation = approximation;
     }
 
@@ -240,15 +238,6 @@ impl Sym8 {
         assert!(out.size() == self.size(), "the plane has the transform's size");
         let mut approximation = std::mem::take(&mut scratch.approximation);
         let last = coefficients.approximation.data();
-        if self.levels() == 0 {
-            for y in 0..out.height() {
-                for x in 0..out.width() {
-                    let (to_x, to_y) = ((x + shift.0) % out.width(), (y + shift.1) % out.height());
-                    let value = &last[y * out.size().width + x..][..1];
-                    put.write(&mut out.row_mut(to_y)[to_x..][..1], value);
-                }
-            }
-        }
         for level in (0..self.levels()).rev() {
             let (to, from) = (self.sizes[level], self.sizes[level + 1]);
             let Details { horizontal, vertical, diagonal } = &coefficients.details[level];

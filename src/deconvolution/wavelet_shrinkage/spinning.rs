@@ -80,9 +80,6 @@ impl Spinning {
         thresholding: Thresholding<'_>,
         scratch: &mut SpinningScratch,
     ) {
-        if self.levels.is_empty() {
-            return;
-        }
         let (shrunk, free) = (&mut scratch.shrunk, &scratch.free);
         if shrunk.first().is_none_or(|first| first.size() != plane.size()) {
             *shrunk = SHIFTS.map(|_| Plane::zeros(plane.size())).into();
