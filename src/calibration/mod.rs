@@ -24,13 +24,13 @@ pub mod geometric;
 pub mod lens_blur;
 pub mod noise;
 mod norms;
+mod operator_norms;
 mod other_focus;
 pub mod photo_side;
 mod pitch;
 pub mod response;
 pub mod response_pattern;
 pub mod site_gains;
-mod site_norms;
 pub mod store;
 pub mod surface;
 
@@ -38,7 +38,6 @@ use serde::{Deserialize, Serialize};
 
 use crate::deconvolution::lens_model::broad::check_halos;
 use crate::deconvolution::lens_model::{Beyond, Halo, LensFunctions, LensModel, LensModelError};
-use crate::deconvolution::level_norms::LevelNorms;
 use crate::frame::{Channel, Size};
 pub use camera_curve::CameraCurve;
 pub use correction::{Correction, CorrectionError, Layout};
@@ -46,10 +45,10 @@ pub use cross_channel::CrossChannel;
 pub use curve::ResponseCurve;
 pub use geometric::Geometry;
 pub use noise::Noise;
+pub use operator_norms::OperatorNorms;
 pub use other_focus::{FocusError, OtherFocus, focus_offset};
 pub use response_pattern::ResponsePattern;
 pub use site_gains::SiteGains;
-pub use site_norms::SiteNorms;
 use surface::Surface;
 
 /// All results of one calibration of a rig.
@@ -87,12 +86,10 @@ pub struct Calibration {
     /// Light scattered beyond the functions' support, per channel; empty if none was found or
     /// measured.
     pub broad: [Vec<Halo>; 3],
-    /// Largest squared singular value of the lens model, per channel.
-    pub norm_squared: [f32; 3],
-    /// Norm of the lens model on each wavelet level of the rig file, per channel.
-    pub level_norms: [LevelNorms; 3],
+    /// Norms of the lens model.
+    pub norms: OperatorNorms,
     /// The same norms at the sites of the camera's colour filters, if any.
-    pub at_sites: Option<SiteNorms>,
+    pub at_sites: Option<OperatorNorms>,
     /// The lens at other focus offsets, in increasing order.
     pub focuses: Vec<OtherFocus>,
     /// ‖K‖² of green measured by the rig's capture of the model's dominant picture.
@@ -165,16 +162,11 @@ impl Calibration {
                 self.counts_per_level
             ));
         }
-        if self.level_norms.iter().any(|norms| !norms.is_whole()) {
-            return Err(format!(
-                "level norms of {:?}; positive numbers are allowed",
-                self.level_norms
-            ));
-        }
         let twice = self.margin_px.saturating_mul(2);
         let side = |photo: usize| photo.saturating_add(twice);
-        if let Some(norms) = self.at_sites.as_ref().filter(|norms| !norms.is_whole()) {
-            return Err(format!("norms at sites of {norms:?}; positive numbers are allowed"));
+        let mut norms = self.at_sites.iter().chain([&self.norms]);
+        if let Some(norms) = norms.find(|norms| !norms.is_whole()) {
+            return Err(format!("norms of {norms:?}; positive numbers are allowed"));
         }
         self.camera_curve.check()?;
         self.pattern.check(Size::new(side(self.photo.width), side(self.photo.height)))?;

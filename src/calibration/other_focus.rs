@@ -3,10 +3,9 @@
 use serde::{Deserialize, Serialize};
 
 use super::Calibration;
-use super::site_norms::SiteNorms;
+use super::operator_norms::OperatorNorms;
 use crate::deconvolution::focus::FocusSeries;
 use crate::deconvolution::lens_model::LensFunctions;
-use crate::deconvolution::level_norms::LevelNorms;
 use crate::remedy::{Remediable, Remedy};
 
 /// Most focuses besides the panel's: about five on each side, and two in reserve.
@@ -23,12 +22,10 @@ pub struct OtherFocus {
     pub offset: f32,
     /// The functions, on the grid of the panel's.
     pub functions: LensFunctions,
-    /// As [`Calibration::norm_squared`].
-    pub norm_squared: [f32; 3],
-    /// As [`Calibration::level_norms`].
-    pub level_norms: [LevelNorms; 3],
+    /// As [`Calibration::norms`].
+    pub norms: OperatorNorms,
     /// As [`Calibration::at_sites`].
-    pub at_sites: Option<SiteNorms>,
+    pub at_sites: Option<OperatorNorms>,
 }
 
 /// Why a focus cannot be added.
@@ -85,8 +82,7 @@ impl Calibration {
         after.focuses.push(OtherFocus {
             offset,
             functions: found.clone(),
-            norm_squared: measured.norm_squared,
-            level_norms: measured.level_norms.clone(),
+            norms: measured.norms.clone(),
             at_sites: measured.at_sites.clone(),
         });
         after.focuses.sort_by(|a, b| a.offset.total_cmp(&b.offset));
@@ -102,7 +98,7 @@ impl Calibration {
         let own = (grid(&self.functions), self.at_sites.is_some());
         let fits = |of: &&OtherFocus| {
             (grid(&of.functions), of.at_sites.is_some()) == own
-                && of.level_norms[0].levels() == self.level_norms[0].levels()
+                && of.norms.levels[0].levels() == self.norms.levels[0].levels()
         };
         self.focuses = before.focuses.iter().filter(fits).cloned().collect();
         self
@@ -131,17 +127,15 @@ impl Calibration {
             return Err(format!("{} focuses; {FOCUSES_MAX} are allowed", self.focuses.len()));
         }
         for focus in &self.focuses {
-            let OtherFocus { offset, functions, norm_squared, level_norms, at_sites } = focus;
+            let OtherFocus { offset, functions, norms, at_sites } = focus;
             functions.check().map_err(|e| e.to_string())?;
-            let positive = |norm: &f32| norm.is_finite() && *norm > 0.0;
             let whole = is_offset(*offset)
-                && norm_squared.iter().all(positive)
-                && level_norms.iter().all(LevelNorms::is_whole)
-                && at_sites.as_ref().is_none_or(SiteNorms::is_whole);
+                && norms.is_whole()
+                && at_sites.as_ref().is_none_or(OperatorNorms::is_whole);
             if !whole {
                 return Err(format!(
-                    "a focus of {offset} dioptres with norms of {norm_squared:?}, \
-                     {level_norms:?}; positive numbers are allowed"
+                    "a focus of {offset} dioptres with norms of {norms:?}; positive numbers are \
+                     allowed"
                 ));
             }
         }

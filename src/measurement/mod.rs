@@ -36,11 +36,11 @@ use std::ops::ControlFlow;
 use crate::calibration::geometric::Geometry;
 use crate::calibration::surface::Surface;
 use crate::calibration::{
-    Calibration, CameraCurve, CrossChannel, Layout, Noise, ResponseCurve, ResponsePattern,
+    Calibration, CameraCurve, CrossChannel, Layout, Noise, OperatorNorms, ResponseCurve,
+    ResponsePattern,
 };
 use crate::config;
 use crate::deconvolution::lens_model::LensFunctions;
-use crate::deconvolution::level_norms::LevelNorms;
 use crate::deconvolution::method::WAVELET_LEVELS;
 use crate::frame::{Codes, Frame, SensorSpace};
 use crate::rig::exposure::Devices;
@@ -132,8 +132,7 @@ fn blank(config: &config::RigFile, geometry: Geometry) -> Calibration {
             taps: [vec![1.0], vec![1.0], vec![1.0]],
         },
         broad: [Vec::new(), Vec::new(), Vec::new()],
-        norm_squared: [1.0; 3],
-        level_norms: std::array::from_fn(|_| LevelNorms::uniform(WAVELET_LEVELS, 1.0)),
+        norms: OperatorNorms::uniform(WAVELET_LEVELS, 1.0),
         at_sites: None,
         focuses: Vec::new(),
         norm_squared_seen: 1.0,

@@ -3,12 +3,11 @@
 use std::sync::{Arc, OnceLock};
 
 use super::stages::{BoundedLens, PhotoFocus, Prepared};
-use super::{Pipeline, norm_bound};
-use crate::calibration::{Calibration, OtherFocus, SiteNorms};
+use super::{Pipeline, norm_excess};
+use crate::calibration::{Calibration, OperatorNorms, OtherFocus};
 use crate::deconvolution::colour_focus::ColourFocus;
 use crate::deconvolution::focus::{FocusData, FocusSeries, FoundFocus};
 use crate::deconvolution::lens_model::LensFunctions;
-use crate::deconvolution::level_norms::LevelNorms;
 use crate::frame::Channel;
 
 /// The lens as measured at several focus offsets, the panel's included; empty where it was measured
@@ -23,20 +22,16 @@ impl Focuses {
         let panel = OtherFocus {
             offset: 0.0,
             functions: calibration.functions.clone(),
-            norm_squared: calibration.norm_squared,
-            level_norms: calibration.level_norms.clone(),
+            norms: calibration.norms.clone(),
             at_sites: calibration.at_sites.clone(),
         };
         let mut all = calibration.focuses.clone();
         all.push(panel);
         all.sort_by(|a, b| a.offset.total_cmp(&b.offset));
         // The measured excess of ‖K‖² over the model's holds at any focus.
-        let measured = calibration.norm_squared;
-        let bound = norm_bound(calibration);
+        let excess = norm_excess(calibration);
         for focus in &mut all {
-            for c in Channel::ALL.map(Channel::index) {
-                focus.norm_squared[c] *= bound[c] / measured[c].max(f32::MIN_POSITIVE);
-            }
+            focus.norms.squared = focus.norms.squared.map(|norm| norm * excess);
         }
         Focuses(all)
     }
@@ -64,12 +59,10 @@ impl Pipeline {
         let FoundFocus { offset, between: (before, after), share, at_end } = found;
         let [before, after] = [before, after].map(|n| &self.focuses.0[n]);
         let functions = before.functions.between(&after.functions, share);
-        let [before, after] = [before, after].map(|focus| Norms {
-            norm_squared: focus.norm_squared,
-            level_norms: focus.level_norms.clone(),
-            at_sites: focus.at_sites.clone(),
-        });
-        photo.lens = self.lens_with(photo, &functions, before.or_larger(after));
+        let norms = before.norms.or_larger(&after.norms);
+        let at_sites = before.at_sites.as_ref().zip(after.at_sites.as_ref());
+        let at_sites = at_sites.map(|(before, after)| before.or_larger(after));
+        photo.lens = self.lens_with(photo, &functions, norms, at_sites);
         photo.focus = photo.lens.is_some().then_some(PhotoFocus { offset, at_end });
     }
 
@@ -77,19 +70,14 @@ impl Pipeline {
     pub(super) fn fit_colours(&self, photo: &mut Prepared<'_>) {
         let (observation, lens) = (&photo.observation, self.lens_of(photo));
         let Some(colours) = ColourFocus::of(&lens.model, observation) else { return };
-        let norms = Norms {
-            norm_squared: colours.norms_squared(&lens.norm_squared),
-            level_norms: colours.level_norms(&lens.level_norms),
-            at_sites: observation.sampling.mosaic().map(|_| {
-                let measured = lens.norms_at_sites();
-                SiteNorms {
-                    norm_squared: colours.norms_squared(&measured.norm_squared),
-                    level_norms: colours.level_norms(&measured.level_norms),
-                }
-            }),
+        let bounds = |measured: &OperatorNorms| OperatorNorms {
+            squared: colours.norms_squared(&measured.squared),
+            levels: colours.level_norms(&measured.levels),
         };
+        let norms = bounds(&lens.norms);
+        let at_sites = observation.sampling.mosaic().map(|_| bounds(lens.norms_at_sites()));
         let functions = colours.functions(lens.model.functions());
-        let Some(mut lens) = self.lens_with(photo, &functions, norms) else { return };
+        let Some(mut lens) = self.lens_with(photo, &functions, norms, at_sites) else { return };
         let halos = colours.halos(&self.halos);
         if let Ok(model) = Arc::unwrap_or_clone(lens.model).with_broad_light(&halos, self.beyond) {
             lens.model = Arc::new(model);
@@ -97,20 +85,20 @@ impl Pipeline {
         }
     }
 
-    /// The lens of `photo` with `functions`, whose norms are at most `norms`.
+    /// The lens of `photo` with `functions`, whose norms are at most `norms`, at sites `at_sites`.
     fn lens_with(
         &self,
         photo: &Prepared<'_>,
         functions: &LensFunctions,
-        norms: Norms,
+        norms: OperatorNorms,
+        at_sites: Option<OperatorNorms>,
     ) -> Option<BoundedLens> {
         let rect = photo.observation.rect;
         let model = self.lens.model.with_functions(rect.size, rect.x, functions).ok()?;
         Some(BoundedLens {
             model: Arc::new(model),
-            norm_squared: norms.norm_squared,
-            level_norms: norms.level_norms,
-            at_sites: norms.at_sites.map_or_else(OnceLock::new, OnceLock::from),
+            norms,
+            at_sites: at_sites.map_or_else(OnceLock::new, OnceLock::from),
         })
     }
 }
@@ -128,31 +116,6 @@ impl Prepared<'_> {
             mosaic: self.observation.sampling.mosaic(),
             channels: self.observation.channels,
             noise,
-        }
-    }
-}
-
-/// Bounds on what a lens passes.
-struct Norms {
-    norm_squared: [f32; 3],
-    level_norms: [LevelNorms; 3],
-    at_sites: Option<SiteNorms>,
-}
-
-impl Norms {
-    /// The larger of both, a bound for every lens interpolated between the two: norms are convex.
-    fn or_larger(self, other: Norms) -> Norms {
-        let larger = |a: &[f32; 3], b: &[f32; 3]| [0, 1, 2].map(|c| a[c].max(b[c]));
-        let levels = |a: &[LevelNorms; 3], b: &[LevelNorms; 3]| {
-            Channel::ALL.map(|c| a[c.index()].or_larger(&b[c.index()]))
-        };
-        Norms {
-            norm_squared: larger(&self.norm_squared, &other.norm_squared),
-            level_norms: levels(&self.level_norms, &other.level_norms),
-            at_sites: self.at_sites.zip(other.at_sites).map(|(a, b)| SiteNorms {
-                norm_squared: larger(&a.norm_squared, &b.norm_squared),
-                level_norms: levels(&a.level_norms, &b.level_norms),
-            }),
         }
     }
 }

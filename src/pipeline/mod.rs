@@ -39,7 +39,7 @@ use std::sync::{Arc, OnceLock};
 
 use crate::calibration::correction::{Correction, CorrectionError, Layout};
 use crate::calibration::photo_side::PhotoSide;
-use crate::calibration::{Calibration, CrossChannel, Noise};
+use crate::calibration::{Calibration, CrossChannel, Noise, OperatorNorms};
 use crate::config;
 use crate::deconvolution::lens_model::{Beyond, Halo, LensModel, LensModelError};
 use crate::deconvolution::method::WAVELET_LEVELS;
@@ -89,17 +89,20 @@ impl Pipeline {
     /// When the calibration does not fit the rig file.
     pub fn new(rig: &config::RigFile, calibration: &Calibration) -> Result<Self, PipelineError> {
         let layout = Layout::of(rig);
-        let found = calibration.level_norms[0].levels();
+        let found = calibration.norms.levels[0].levels();
         if found != WAVELET_LEVELS {
             return Err(PipelineError::Levels(found));
         }
         // First, because it looks at the sizes.
         let correction = Correction::new(calibration, layout)?;
+        let norms = &calibration.norms;
         Ok(Pipeline {
             lens: BoundedLens {
                 model: Arc::new(calibration.lens_model()?),
-                norm_squared: norm_bound(calibration),
-                level_norms: calibration.level_norms.clone(),
+                norms: OperatorNorms {
+                    squared: norms.squared.map(|norm| norm * norm_excess(calibration)),
+                    levels: norms.levels.clone(),
+                },
                 at_sites: calibration.at_sites.clone().map_or_else(OnceLock::new, OnceLock::from),
             },
             photo_side: PhotoSide::new(calibration),
@@ -198,12 +201,10 @@ fn own_counts_per_level(rig: &config::RigFile, calibration: &Calibration) -> f32
     (f64::from(rig.camera.count_max()) - black) as f32 / FULL_SCALE
 }
 
-/// An upper bound on ‖K‖² of each channel: the model's, with the difference of the measured ‖K‖²
-/// added.
-fn norm_bound(calibration: &Calibration) -> [f32; 3] {
-    let of_model = calibration.norm_squared[Channel::Green.index()].max(f32::MIN_POSITIVE);
-    let uncertainty = (calibration.norm_squared_seen / of_model - 1.0).abs();
-    calibration.norm_squared.map(|norm| norm * (1.0 + uncertainty))
+/// Factor from ‖K‖² of the lens model to an upper bound: 1 and the difference of the measured ‖K‖².
+fn norm_excess(calibration: &Calibration) -> f32 {
+    let of_model = calibration.norms.squared[Channel::Green.index()].max(f32::MIN_POSITIVE);
+    1.0 + (calibration.norm_squared_seen / of_model - 1.0).abs()
 }
 
 /// Why a rig and a calibration do not fit.

@@ -59,19 +59,14 @@ impl Pipeline {
     pub(super) fn pose<T>(&self, photo: &Prepared<'_>, solve: impl FnOnce(&Problem<'_>) -> T) -> T {
         let is_raw = photo.observation.sampling.mosaic().is_some();
         let lens = self.lens_of(photo);
-        let (norm_squared, level_norms) = if is_raw {
-            let norms = lens.norms_at_sites();
-            (norms.norm_squared, &norms.level_norms)
-        } else {
-            (lens.norm_squared, &lens.level_norms)
-        };
+        let norms = if is_raw { lens.norms_at_sites() } else { &lens.norms };
         let is_hopeless = |prediction: &Frame<Work>| self.is_hopeless(photo, prediction);
         solve(&Problem {
             is_hopeless: Some(&is_hopeless),
             observation: &photo.observation,
             model: &lens.model,
-            norm_squared,
-            level_norms,
+            norm_squared: norms.squared,
+            level_norms: &norms.levels,
             capture_mosaic: self.correction.layout().canvas_mosaic(),
             capture_noise: self.capture_noise,
             stopwatch: &*self.stopwatch,

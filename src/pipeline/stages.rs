@@ -5,9 +5,8 @@ use std::sync::{Arc, OnceLock};
 
 use super::judging::{Evidence, Residuals};
 use super::outliers::Outliers;
-use crate::calibration::SiteNorms;
+use crate::calibration::OperatorNorms;
 use crate::deconvolution::lens_model::LensModel;
-use crate::deconvolution::level_norms::LevelNorms;
 use crate::deconvolution::method::{About, Solution};
 use crate::deconvolution::observation::Observation;
 use crate::frame::{Frame, Work, once};
@@ -40,18 +39,16 @@ pub struct Prepared<'a> {
 #[derive(Clone)]
 pub(super) struct BoundedLens {
     pub(super) model: Arc<LensModel>,
-    /// On ‖K‖², per channel.
-    pub(super) norm_squared: [f32; 3],
-    /// On each wavelet level, per channel.
-    pub(super) level_norms: [LevelNorms; 3],
+    /// At all pixels.
+    pub(super) norms: OperatorNorms,
     /// The same at raw sites, computed when first needed.
-    pub(super) at_sites: OnceLock<SiteNorms>,
+    pub(super) at_sites: OnceLock<OperatorNorms>,
 }
 
 impl BoundedLens {
     /// The bounds at raw sites.
-    pub(super) fn norms_at_sites(&self) -> &SiteNorms {
-        once(&self.at_sites, || SiteNorms::of(&self.model, self.level_norms[0].levels()))
+    pub(super) fn norms_at_sites(&self) -> &OperatorNorms {
+        once(&self.at_sites, || OperatorNorms::at_sites(&self.model, self.norms.levels[0].levels()))
     }
 }
 

@@ -9,10 +9,11 @@ use std::process::{Command, Stdio};
 use relens::calibration::geometric::Geometry;
 use relens::calibration::response_pattern::{EvenlyLit, ResponsePattern};
 use relens::calibration::surface::{Domain, Surface};
-use relens::calibration::{Calibration, CameraCurve, CrossChannel, Noise, ResponseCurve, store};
+use relens::calibration::{
+    Calibration, CameraCurve, CrossChannel, Noise, OperatorNorms, ResponseCurve, store,
+};
 use relens::config;
 use relens::deconvolution::lens_model::{Halo, LensFunctions};
-use relens::deconvolution::level_norms::LevelNorms;
 use relens::deconvolution::panel_beat::ColumnWave;
 use relens::frame::{Channel, Frame, Mosaic, Plane, Size, Work};
 use relens::picture::{Dng, Format, Limits, Manner, Photo, PixelLayout, RawTags, encode, worker};
@@ -148,8 +149,7 @@ fn calibration(folder: &Path) {
             taps: [vec![1.0; 2], vec![1.0; 2], vec![1.0; 2]],
         },
         broad: std::array::from_fn(|n| vec![Halo { radius_px: 5.0, share: 0.1 }; n]),
-        norm_squared: [1.0; 3],
-        level_norms: std::array::from_fn(|_| LevelNorms::uniform(4, 1.0)),
+        norms: OperatorNorms::uniform(4, 1.0),
         at_sites: None,
         focuses: Vec::new(),
         norm_squared_seen: 1.0,

@@ -278,10 +278,10 @@ fn with_fewer_functions(
 /// The calibration with other lens functions and their norms.
 fn with_lens(calibration: &Calibration, functions: LensFunctions) -> Result<Calibration, Failure> {
     let mut changed = Calibration { functions, ..calibration.clone() };
-    let (model, levels) = (changed.lens_model()?, calibration.level_norms[0].levels());
+    let (model, levels) = (changed.lens_model()?, calibration.norms.levels[0].levels());
     changed.measure_norms(&model, levels, calibration.at_sites.is_some());
     let green = Channel::Green.index();
-    changed.norm_squared_seen *= changed.norm_squared[green] / calibration.norm_squared[green];
+    changed.norm_squared_seen *= changed.norms.squared[green] / calibration.norms.squared[green];
     Ok(changed)
 }
 

@@ -150,7 +150,7 @@ fn score(config: &config::RigFile, witness: &Witness, calibration: &Calibration)
              ‖K‖² {:.4} seen {:.4}, noise {:.2} (truth {:.2}), own operator error {:.2}",
             c.name(),
             100.0 * dark,
-            calibration.norm_squared[i],
+            calibration.norms.squared[i],
             calibration.norm_squared_seen,
             calibration.noise[i].sigma(128.0),
             witness.noise_levels(128.0),

@@ -3,11 +3,10 @@
 use super::geometric::Map;
 use super::surface::{Domain, Surface};
 use super::{
-    Calibration, CameraCurve, CrossChannel, Geometry, Noise, ResponseCurve, ResponsePattern,
-    SiteNorms,
+    Calibration, CameraCurve, CrossChannel, Geometry, Noise, OperatorNorms, ResponseCurve,
+    ResponsePattern,
 };
 use crate::deconvolution::lens_model::{Halo, LensFunctions};
-use crate::deconvolution::level_norms::LevelNorms;
 use crate::frame::Size;
 
 /// A photo of 40×30 with a margin of 4, shown enlarged by 1.25 and shifted; curves of power two,
@@ -52,12 +51,8 @@ pub(crate) fn calibration() -> Calibration {
             taps: [vec![1.0], vec![1.0], vec![1.0]],
         },
         broad: std::array::from_fn(|n| vec![Halo { radius_px: 9.0 + n as f32, share: 0.02 }]),
-        norm_squared: [1.0; 3],
-        level_norms: std::array::from_fn(|_| LevelNorms::uniform(4, 1.0)),
-        at_sites: Some(SiteNorms {
-            norm_squared: [1.0; 3],
-            level_norms: std::array::from_fn(|_| LevelNorms::uniform(4, 1.0)),
-        }),
+        norms: OperatorNorms::uniform(4, 1.0),
+        at_sites: Some(OperatorNorms::uniform(4, 1.0)),
         focuses: Vec::new(),
         norm_squared_seen: 1.0,
         operator_error: [1.0; 3],

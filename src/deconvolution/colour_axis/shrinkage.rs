@@ -8,7 +8,7 @@ use rayon::prelude::*;
 
 use super::{AxisMap, ColourAxes};
 use crate::deconvolution::detail_mask::DetailMask;
-use crate::deconvolution::wavelet::{Coefficients, Scratch, Sym8};
+use crate::deconvolution::wavelet::{Coefficients, Put, Scratch, Sym8};
 use crate::deconvolution::wavelet_shrinkage::{EVERYWHERE, SHIFTS};
 use crate::frame::instructions::{Kernel, run_fastest};
 use crate::frame::{Plane, Size};
@@ -188,15 +188,14 @@ fn apply(
         here.channels.par_iter_mut().zip(&mut *planes).for_each(|(own, plane)| {
             let Channelwise { coefficients, scratch, sum } = own;
             if is_only {
-                return transform.synthesise_shifted(coefficients, shift, plane, scratch);
+                let out = (plane, Put::Set);
+                return transform.synthesise_shifted(coefficients, shift, out, scratch);
             }
             if sum.size() != plane.size() {
                 *sum = plane.clone();
             }
-            match k {
-                0 => transform.synthesise_shifted(coefficients, shift, sum, scratch),
-                _ => transform.add_synthesis(coefficients, shift, sum, scratch),
-            }
+            let put = if k == 0 { Put::Set } else { Put::Add };
+            transform.synthesise_shifted(coefficients, shift, (sum, put), scratch);
             if is_last {
                 let mean = 1.0 / shifts.len() as f32;
                 let sums = sum.data().iter();

@@ -182,7 +182,7 @@ fn without_shrinkage_every_shift_reconstructs_the_planes() {
 
 #[test]
 fn a_shift_by_levels_is_a_shift_of_the_whole_transform() {
-    use crate::deconvolution::wavelet::{Scratch, Sym8};
+    use crate::deconvolution::wavelet::{Put, Scratch, Sym8};
     let size = Size::new(48, 32);
     let plane = details(size)[1].clone();
     for shift in [(0, 0), (1, 0), (5, 11), (15, 8)] {
@@ -195,7 +195,7 @@ fn a_shift_by_levels_is_a_shift_of_the_whole_transform() {
         let (mut found, mut want) = (transform.zeros(), plane.clone());
         transform.analyse_shifted(&plane, shift, &mut found, &mut scratch);
         found.scale_levels(&[1.0, 0.5, 1.0, 1.0, 1.0]);
-        transform.synthesise_shifted(&found, shift, &mut want, &mut scratch);
+        transform.synthesise_shifted(&found, shift, (&mut want, Put::Set), &mut scratch);
         let pairs = planes[2].data().iter().zip(want.data());
         pairs.for_each(|(a, b)| assert!((a - b).abs() < 1e-3, "{shift:?}: {a} {b}"));
     }

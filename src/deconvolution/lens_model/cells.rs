@@ -38,10 +38,7 @@ impl Side {
         let mut side =
             Side { stretches: Vec::new(), transforms: Vec::new(), weight: along.weight.clone() };
         let mut start = 0;
-        // Before the first centre its function alone counts, as the last one's behind the last.
-        let functions = along.lower.iter().zip(&along.weight);
-        let functions: Vec<_> = functions.map(|(&n, &w)| (n, n == 0 && w == 0.0)).collect();
-        for run in functions.chunk_by(|a, b| a == b) {
+        for run in along.functions.chunk_by(|a, b| a == b) {
             let pieces = run.len().div_ceil(CELL_PX_MAX);
             for piece in 0..pieces {
                 let (from, to) = (run.len() * piece / pieces, run.len() * (piece + 1) / pieces);
@@ -59,10 +56,8 @@ impl Side {
             self.transforms.push(Fourier::new(wanted));
             self.transforms.len() - 1
         });
-        let mut functions = vec![along.lower[start]];
-        if along.weight[start..start + length].iter().any(|&w| w != 0.0) {
-            functions.push(along.upper[start]);
-        }
+        let mut functions = along.functions[start].to_vec();
+        functions.dedup();
         self.stretches.push(Stretch { start, length, functions, transform });
     }
 }

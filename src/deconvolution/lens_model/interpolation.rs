@@ -3,10 +3,8 @@
 /// Indices and weights of the two functions at each pixel along one axis.
 #[derive(Debug, Clone)]
 pub(super) struct Interpolation {
-    /// Lower function of each pixel.
-    pub(super) lower: Vec<usize>,
-    /// Upper function of each pixel; equal to `lower` from the last centre on.
-    pub(super) upper: Vec<usize>,
+    /// Lower and upper function of each pixel, the same beyond the outermost centres.
+    pub(super) functions: Vec<[usize; 2]>,
     /// Weight of the upper function, 0..=1.
     pub(super) weight: Vec<f32>,
 }
@@ -19,8 +17,7 @@ impl Interpolation {
         let spacing = photo_px as f64 / functions as f64;
         let last = functions - 1;
         let mut made = Interpolation {
-            lower: Vec::with_capacity(canvas_px),
-            upper: Vec::with_capacity(canvas_px),
+            functions: Vec::with_capacity(canvas_px),
             weight: Vec::with_capacity(canvas_px),
         };
         for pixel in 0..canvas_px {
@@ -28,8 +25,8 @@ impl Interpolation {
             let place =
                 ((pixel as f64 - margin_px as f64 + 0.5) / spacing - 0.5).clamp(0.0, last as f64);
             let lower = place.floor() as usize;
-            made.lower.push(lower);
-            made.upper.push((lower + 1).min(last));
+            let upper = if place > 0.0 { (lower + 1).min(last) } else { lower };
+            made.functions.push([lower, upper]);
             made.weight.push((place - lower as f64) as f32);
         }
         made
@@ -47,13 +44,14 @@ mod tests {
         assert_eq!(along.weight[3], 0.0);
         assert_eq!(along.weight[4], 0.125);
         assert_eq!(along.weight[7], 0.875);
-        assert_eq!((along.lower[11], along.upper[11], along.weight[11]), (1, 1, 0.0));
+        assert_eq!((along.functions[0], along.functions[11]), ([0, 0], [1, 1]));
+        assert_eq!(along.weight[11], 0.0);
     }
 
     #[test]
     fn a_single_function_is_constant() {
         let along = Interpolation::new(5, 0, 1);
-        assert!(along.lower.iter().chain(&along.upper).all(|&n| n == 0));
+        assert!(along.functions.iter().all(|&functions| functions == [0, 0]));
         assert!(along.weight.iter().all(|&w| w == 0.0));
     }
 }

@@ -14,7 +14,7 @@ const COLUMNS_AT_A_TIME: usize = 256;
 
 /// How a result is written.
 #[derive(Debug, Clone, Copy)]
-pub(super) enum Put {
+pub enum Put {
     /// Replaces what there is.
     Set,
     /// Is added to it.

@@ -12,7 +12,8 @@ mod two_sums;
 use rayon::prelude::*;
 
 use crate::frame::{Plane, STRETCH, Size};
-use lines::{Lines, Put};
+use lines::Lines;
+pub use lines::Put;
 
 /// Low-pass analysis filter of Symlets 8, from PyWavelets.
 const LOW: [f64; 16] = [
@@ -203,32 +204,11 @@ impl Sym8 {
     /// # Panics
     /// When `out` or the coefficients have another size than the transform.
     pub fn synthesise(&self, coefficients: &Coefficients, out: &mut Plane, scratch: &mut Scratch) {
-        self.synthesise_shifted(coefficients, (0, 0), out, scratch);
+        self.synthesise_shifted(coefficients, (0, 0), (out, Put::Set), scratch);
     }
 
-    /// The inverse of [`Sym8::analyse_shifted`].
+    /// The inverse of [`Sym8::analyse_shifted`]; replaces `out`, or is added to it.
     pub fn synthesise_shifted(
-        &self,
-        coefficients: &Coefficients,
-        shift: (usize, usize),
-        out: &mut Plane,
-        scratch: &mut Scratch,
-    ) {
-        self.put_synthesis(coefficients, shift, (out, Put::Set), scratch);
-    }
-
-    /// Adds the plane of [`Sym8::synthesise_shifted`] to `sum`.
-    pub fn add_synthesis(
-        &self,
-        coefficients: &Coefficients,
-        shift: (usize, usize),
-        sum: &mut Plane,
-        scratch: &mut Scratch,
-    ) {
-        self.put_synthesis(coefficients, shift, (sum, Put::Add), scratch);
-    }
-
-    fn put_synthesis(
         &self,
         coefficients: &Coefficients,
         shift: (usize, usize),

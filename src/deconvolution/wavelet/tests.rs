@@ -112,7 +112,7 @@ proptest! {
         transform.analyse(&turned, &mut found, &mut scratch);
         transform.analyse_shifted(&x, (sx, sy), &mut inside, &mut scratch);
         prop_assert!(inside == found);
-        transform.synthesise_shifted(&inside, (sx, sy), &mut back, &mut scratch);
+        transform.synthesise_shifted(&inside, (sx, sy), (&mut back, Put::Set), &mut scratch);
         prop_assert!(largest_difference(&back, &x) < 1e-5);
     }
 }
@@ -153,7 +153,7 @@ fn the_parallel_transform_is_the_same() {
             let (mut found, mut scratch) = (transform.zeros(), Scratch::default());
             transform.analyse_shifted(&plane, shift, &mut found, &mut scratch);
             let mut back = Plane::zeros(size);
-            transform.synthesise_shifted(&found, shift, &mut back, &mut scratch);
+            transform.synthesise_shifted(&found, shift, (&mut back, Put::Set), &mut scratch);
             (found, back)
         });
         let [(serial, back), (parallel, back_parallel)] = &mut made;

@@ -11,7 +11,7 @@ mod spinning;
 use rayon::prelude::*;
 
 use super::detail_mask::DetailMask;
-use super::wavelet::{Coefficients, Scratch, Sym8};
+use super::wavelet::{Coefficients, Put, Scratch, Sym8};
 use crate::frame::{Plane, Size};
 pub(super) use spinning::{EVERYWHERE, SHIFTS};
 use spinning::{Spinning, SpinningScratch, Thresholding};
@@ -101,7 +101,12 @@ impl Shrinkage {
             let factors = mask.and_then(|mask| mask.factors(level));
             shrink_band(band, threshold, self.clusters, factors, rows);
         });
-        self.transform.synthesise_shifted(&coefficients, shift, plane, &mut scratch.transform);
+        self.transform.synthesise_shifted(
+            &coefficients,
+            shift,
+            (plane, Put::Set),
+            &mut scratch.transform,
+        );
         scratch.coefficients = Some(coefficients);
     }
 
@@ -120,7 +125,12 @@ impl Shrinkage {
         let mut coefficients = self.coefficients(scratch);
         self.transform.analyse_shifted(plane, shift, &mut coefficients, &mut scratch.transform);
         coefficients.scale_levels(factors);
-        self.transform.synthesise_shifted(&coefficients, shift, plane, &mut scratch.transform);
+        self.transform.synthesise_shifted(
+            &coefficients,
+            shift,
+            (plane, Put::Set),
+            &mut scratch.transform,
+        );
         scratch.coefficients = Some(coefficients);
     }
 

@@ -11,7 +11,7 @@ use rayon::prelude::*;
 
 use super::shrink_band;
 use crate::deconvolution::detail_mask::DetailMask;
-use crate::deconvolution::wavelet::{Coefficients, Scratch, Sym8};
+use crate::deconvolution::wavelet::{Coefficients, Put, Scratch, Sym8};
 use crate::frame::{Plane, STRETCH, Size};
 
 /// Number of levels averaged over all shifts. Coarser levels change their shift with the step.
@@ -139,10 +139,8 @@ impl Spinning {
                 }
             }
             let LevelScratch { coefficients, sum, transform: scratch, .. } = &mut *here;
-            match k {
-                0 => transform.synthesise_shifted(coefficients, shift, sum, scratch),
-                _ => transform.add_synthesis(coefficients, shift, sum, scratch),
-            }
+            let put = if k == 0 { Put::Set } else { Put::Add };
+            transform.synthesise_shifted(coefficients, shift, (sum, put), scratch);
         }
     }
 

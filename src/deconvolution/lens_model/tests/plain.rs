@@ -15,9 +15,8 @@ impl Plain<'_> {
     /// The four functions interpolated at (x, y), with their weights.
     fn at(&self, x: usize, y: usize) -> [(usize, f32); 4] {
         let (u, v) = (self.along_x.weight[x], self.along_y.weight[y]);
-        let (left, right) = (self.along_x.lower[x], self.along_x.upper[x]);
-        let above = self.along_y.lower[y] * self.functions.columns;
-        let below = self.along_y.upper[y] * self.functions.columns;
+        let [left, right] = self.along_x.functions[x];
+        let [above, below] = self.along_y.functions[y].map(|row| row * self.functions.columns);
         [
             (above + left, (1.0 - v) * (1.0 - u)),
             (above + right, (1.0 - v) * u),

@@ -1,4 +1,4 @@
-//! Norms of the measured lens at the sites of colour filters.
+//! Norms of the lens as an operator, at all pixels or at the sites of colour filters.
 
 use serde::{Deserialize, Serialize};
 
@@ -10,31 +10,47 @@ use crate::frame::{Channel, Mosaic};
 /// after 8 rounds the norms are up to a tenth too small.
 pub(super) const ROUNDS: usize = 16;
 
-/// Norms of √weight · K at the sites of colour filters, for raw photos
+/// Norms of K, or of √weight · K at the sites of colour filters, for raw photos
 /// ([`crate::deconvolution::method::Problem`]).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct SiteNorms {
+pub struct OperatorNorms {
     /// Largest squared singular value, per channel.
-    pub norm_squared: [f32; 3],
+    pub squared: [f32; 3],
     /// Norm on each wavelet level, per channel.
-    pub level_norms: [LevelNorms; 3],
+    pub levels: [LevelNorms; 3],
 }
 
-impl SiteNorms {
-    /// Computes the norms of `model` for `levels` wavelet levels. All Bayer mosaics have the same
-    /// norms.
-    pub fn of(model: &LensModel, levels: usize) -> SiteNorms {
-        let at_sites = |c| LevelNorms::at_sites(model, c, Mosaic::Rggb, levels, ROUNDS);
-        let measured = Channel::each(at_sites);
-        SiteNorms {
-            norm_squared: measured.each_ref().map(|(_, norm)| *norm),
-            level_norms: measured.map(|(norms, _)| norms),
+impl OperatorNorms {
+    /// The same ‖K‖² for all channels and each of `levels` wavelet levels.
+    pub fn uniform(levels: usize, squared: f32) -> OperatorNorms {
+        let of_level = || LevelNorms::uniform(levels, squared);
+        OperatorNorms { squared: [squared; 3], levels: [(); 3].map(|()| of_level()) }
+    }
+
+    /// Computes the norms of `model` at sites for `levels` wavelet levels. All Bayer mosaics have
+    /// the same norms.
+    pub fn at_sites(model: &LensModel, levels: usize) -> OperatorNorms {
+        let of_channel = |c| LevelNorms::at_sites(model, c, Mosaic::Rggb, levels, ROUNDS);
+        let measured = Channel::each(of_channel);
+        OperatorNorms {
+            squared: measured.each_ref().map(|(_, norm)| *norm),
+            levels: measured.map(|(norms, _)| norms),
         }
     }
 
     pub(super) fn is_whole(&self) -> bool {
         let positive = |norm: &f32| norm.is_finite() && *norm > 0.0;
-        self.norm_squared.iter().all(positive) && self.level_norms.iter().all(LevelNorms::is_whole)
+        self.squared.iter().all(positive) && self.levels.iter().all(LevelNorms::is_whole)
+    }
+
+    /// The larger norms, bounds for every lens between the two: norms are convex.
+    #[must_use]
+    pub fn or_larger(&self, other: &OperatorNorms) -> OperatorNorms {
+        let [a, b] = [self, other];
+        OperatorNorms {
+            squared: [0, 1, 2].map(|c| a.squared[c].max(b.squared[c])),
+            levels: [0, 1, 2].map(|c| a.levels[c].or_larger(&b.levels[c])),
+        }
     }
 }
 
