@@ -9,7 +9,7 @@ use super::setting::DaemonSetting;
 use super::store::claim::{Claim, Claimed, JobStep, claim};
 use super::store::deliver::{Delivery, Encoded};
 use super::store::folders::Folders;
-use super::store::ledger::ATTEMPTS_MAX;
+use super::store::ledger::{ATTEMPTS_MAX, FileIdentity};
 use super::store::recover::settle;
 use super::store::report_file::{Delivered, Failed, Report};
 use super::watcher::Watcher;
@@ -136,6 +136,10 @@ pub(super) struct Job<'a> {
     /// Receives the progress of the restoration.
     pub(super) on_progress: &'a mut dyn FnMut(Progress),
     pub(super) unsettled: &'a mut Unsettled,
+    /// The flaw that the photo was found to have, with the metadata of the file by then.
+    pub(super) refusal: Option<(Metadata, PictureError)>,
+    /// Set when the names in `failed` have to be made durable.
+    pub(super) has_rejected: &'a mut bool,
 }
 
 /// Photos left in `working` by an error: name, and whether the result was delivered.
@@ -204,7 +208,10 @@ impl Job<'_> {
         };
         let reason = full_message(&error);
         match error.remedy() {
-            Remedy::SkipPhoto => Ok(JobEnd::Failed(photo.reject(folders, reason)?)),
+            Remedy::SkipPhoto => {
+                *self.has_rejected |= photo.ledger.attempts() == 0;
+                Ok(JobEnd::Failed(photo.reject(folders, reason)?))
+            }
             Remedy::RetryLater => {
                 let failed = Failed { photo: photo.display_name(), reason };
                 let path = settle(folders, &photo.name, false)?;
@@ -232,6 +239,10 @@ impl Job<'_> {
         };
         if let Some(found) = not_a_file {
             Err(PictureError::not_a_file(&photo.display_name(), found))?;
+        }
+        let same = |(about, _): &_| FileIdentity::from(*about) == photo.metadata.into();
+        if let Some((_, flaw)) = self.refusal.take_if(|refused| same(refused)) {
+            Err(flaw)?;
         }
         // The writer may not have synchronised the file; from here on the daemon is responsible.
         let home = self.folders.inbox.join(&photo.name);
@@ -288,8 +299,7 @@ impl Job<'_> {
         // By calendars that were set, it may lie in the future.
         let is_recent = |metadata: Metadata| now.abs_diff(metadata.changed.0) < RECENT_S;
         let is_recent = before.is_none_or(is_recent);
-        let may_grow = error.growth() != Growth::None && is_recent;
-        if may_grow && !matches!(error, PictureError::Died { .. }) {
+        if error.growth() != Growth::None && is_recent {
             self.clock.wait_until(Moment(self.clock.now().0 + GROWTH_WATCH_S));
             if files.metadata(path).ok() != before {
                 return Err(JobError::Growing(error));

@@ -15,7 +15,7 @@ pub enum Reader {
 }
 
 impl Reader {
-    /// Checks that `file`, called `name`, is complete.
+    /// Checks that `file`, called `name`, is complete and of a kind that is read.
     pub(super) fn check_complete(
         &self,
         name: &str,

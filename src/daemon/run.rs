@@ -13,6 +13,7 @@ use super::report::summary::Summary;
 use super::report::{Reporter, Snapshot};
 use super::schedule::{Event, Question, Schedule, Turn};
 use super::setting::DaemonSetting;
+use super::store::claim::flat_name;
 use super::store::folders::Folders;
 use super::store::hints::Hints;
 use super::store::inbox::{Inbox, Patience, Ready};
@@ -20,7 +21,7 @@ use super::store::late::LateWrites;
 use super::store::report_file::{Delivered, Failed};
 use super::store::withdraw::withdraw;
 use super::watcher::Watcher;
-use crate::disk::FileError;
+use crate::disk::{FileError, Metadata};
 use crate::picture::{Growth, PictureError};
 use crate::remedy::{Remediable, full_message};
 use crate::restorer::{Progress, Restorer};
@@ -62,6 +63,8 @@ pub struct Daemon<'a> {
     unsettled: Unsettled,
     late: LateWrites,
     reporter: Reporter,
+    /// Whether photos were moved to `failed` and its names are not durable yet.
+    has_rejected: bool,
 }
 
 impl<'a> Daemon<'a> {
@@ -83,6 +86,7 @@ impl<'a> Daemon<'a> {
             unsettled: Unsettled::default(),
             late: LateWrites::default(),
             reporter: Reporter::open(&folders, &setting.rig, setting.needs_button)?,
+            has_rejected: false,
             folders,
             setting,
         })
@@ -248,7 +252,8 @@ impl<'a> Daemon<'a> {
             }
             pass.newest_next = !pass.newest_next;
             taken += 1;
-            match self.may_be_taken(&path, patience) {
+            let mut refusal = None;
+            match self.may_be_taken(&path, patience, &mut refusal) {
                 Ok(true) => {}
                 Ok(false) => {
                     self.inbox.count_turn();
@@ -271,7 +276,7 @@ impl<'a> Daemon<'a> {
                 other => return Ok(Some(other)),
             }
             pass.number += 1;
-            let end = self.work(&path, pass.number, of)?;
+            let end = self.work(&path, refusal, pass.number, of)?;
             pass.newest_next &= !matches!(end, JobEnd::Done { .. });
             self.note(&path, end, retry_s);
             if self.reporter.is_due(self.clocks.moment()) {
@@ -310,26 +315,42 @@ impl<'a> Daemon<'a> {
         Ok(self.inbox.scan(&self.folders, now, patience)?)
     }
 
-    /// Whether the photo at `path` is complete, or will never be. Other flaws are found by the job.
-    fn may_be_taken(&mut self, path: &Path, patience: Patience) -> Result<bool, FileError> {
+    /// Whether the photo at `path` is complete, or will never be. Its `refusal` is set where that
+    /// needs no decoding; other flaws are found by the job.
+    fn may_be_taken(
+        &mut self,
+        path: &Path,
+        patience: Patience,
+        refusal: &mut Option<(Metadata, PictureError)>,
+    ) -> Result<bool, FileError> {
         let (setting, full) = (&self.setting, self.folders.inbox.join(path));
         let files = &self.folders.files;
         self.inbox.may_be_taken(path, self.clocks.moment(), patience, || {
-            let name = full.file_name().unwrap_or_default().to_string_lossy();
-            let file = match files.open(&full) {
+            let opened = files.metadata(&full).and_then(|about| Ok((about, files.open(&full)?)));
+            let (about, file) = match opened {
                 Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
                 opened => opened?,
             };
             let limits = setting.reading.limits.on(setting.reading.grid);
-            match setting.reader.check_complete(&name, file, &limits) {
+            match setting.reader.check_complete(&flat_name(path).to_string_lossy(), file, &limits) {
                 Err(PictureError::Read { source, .. }) => Err(FileError::at("read", &full)(source)),
                 Err(flaw) if flaw.growth() == Growth::Likely => Ok(Some(full_message(&flaw))),
+                Err(flaw) if flaw.is_final() => {
+                    *refusal = Some((about, flaw));
+                    Ok(None)
+                }
                 _ => Ok(None),
             }
         })
     }
 
-    fn work(&mut self, path: &Path, number: usize, of: usize) -> Result<JobEnd, DaemonError> {
+    fn work(
+        &mut self,
+        path: &Path,
+        refusal: Option<(Metadata, PictureError)>,
+        number: usize,
+        of: usize,
+    ) -> Result<JobEnd, DaemonError> {
         let photo = &*path.to_string_lossy();
         self.inbox.count_turn();
         let restoring =
@@ -363,6 +384,8 @@ impl<'a> Daemon<'a> {
             number: report_number,
             watcher: &mut *self.watcher,
             unsettled: &mut self.unsettled,
+            refusal,
+            has_rejected: &mut self.has_rejected,
         };
         let end = job.run(path);
         self.watcher.ended();
@@ -419,6 +442,10 @@ impl<'a> Daemon<'a> {
     }
 
     fn show_gallery(&mut self) -> Result<(), DaemonError> {
+        if self.has_rejected {
+            self.folders.files.sync_folder(&self.folders.failed)?;
+            self.has_rejected = false;
+        }
         let snapshot = self.snapshot();
         Ok(self.reporter.write_gallery(&self.folders, &snapshot)?)
     }

@@ -3,7 +3,8 @@
 //! [`decode`] is a pure function of the bytes; the daemon runs it in a [`worker`](super::worker).
 
 use std::collections::BTreeSet;
-use std::io::Cursor;
+use std::fs::File;
+use std::io::{BufRead, BufReader, Cursor, Seek};
 use std::ops::Range;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
@@ -175,29 +176,17 @@ impl Heading {
         let Walked { lost, colours, exif, is_multiplied, .. } = walked;
         // Decoders may panic on hostile files, by their own notes.
         let decoded = catch_unwind(AssertUnwindSafe(|| {
-            let input = Cursor::new(bytes);
-            match content {
-                Content::Written(Format::Jpeg) => {
-                    let mut raster = collect(JpegDecoder::new(input), content, limits)?;
-                    let coding = coding.map_or_else(|| jpeg::coefficients(bytes), Ok)?;
-                    let step = raster.layout.samples();
-                    raster.coding = match coding.filter(|read| read.size == raster.size) {
-                        Some(coding) => {
-                            jpeg::agree(&coding, &raster.samples, step)?.then_some(coding)
-                        }
-                        None => None,
-                    };
-                    Ok(raster)
-                }
-                Content::Written(Format::Png) => {
-                    collect(PngDecoder::with_limits(input, decoder_limits(limits)), content, limits)
-                }
-                Content::Written(Format::Tiff) => collect(TiffDecoder::new(input), content, limits),
-                Content::Bmp => collect(BmpDecoder::new(input), content, limits),
-                Content::Gif => collect(GifDecoder::new(input), content, limits),
-                Content::Pnm => collect(PnmDecoder::new(input), content, limits),
-                Content::Webp => collect(WebPDecoder::new(input), content, limits),
+            let mut raster =
+                collect(decoder(Cursor::new(bytes), content, limits), content, limits)?;
+            if content == Content::Written(Format::Jpeg) {
+                let coding = coding.map_or_else(|| jpeg::coefficients(bytes), Ok)?;
+                let step = raster.layout.samples();
+                raster.coding = match coding.filter(|read| read.size == raster.size) {
+                    Some(coding) => jpeg::agree(&coding, &raster.samples, step)?.then_some(coding),
+                    None => None,
+                };
             }
+            Ok(raster)
         }));
         let decoded = decoded.unwrap_or_else(|_| Err(Flaw::Undecodable { kind: content.name() }));
         let mut raster = decoded.map_err(|flaw| match flaw {
@@ -254,6 +243,52 @@ fn decoder_limits(limits: &Limits) -> image::Limits {
 
 /// The varieties that are read.
 const READ: &str = "grey and RGB of 8 or 16 bits; save it so in an image program and drop it again";
+
+/// The decoder of `input`, its header read.
+fn decoder<'a, R: BufRead + Seek + 'a>(
+    input: R,
+    content: Content,
+    limits: &Limits,
+) -> image::ImageResult<Box<dyn ImageDecoder + 'a>> {
+    Ok(match content {
+        Content::Written(Format::Jpeg) => Box::new(JpegDecoder::new(input)?),
+        Content::Written(Format::Png) => {
+            Box::new(PngDecoder::with_limits(input, decoder_limits(limits))?)
+        }
+        Content::Written(Format::Tiff) => Box::new(TiffDecoder::new(input)?),
+        Content::Bmp => Box::new(BmpDecoder::new(input)?),
+        Content::Gif => Box::new(GifDecoder::new(input)?),
+        Content::Pnm => Box::new(PnmDecoder::new(input)?),
+        Content::Webp => Box::new(WebPDecoder::new(input)?),
+    })
+}
+
+/// Refuses `file`, which begins with `head`, by its kind or its header's shape, as far as these are
+/// known without reading the rest. A JPEG's decoder would read it.
+pub(super) fn check_head(mut file: &File, head: &[u8], limits: &Limits) -> Result<(), Flaw> {
+    let content = match recognise(head) {
+        Err(flaw @ (Flaw::Unread { .. } | Flaw::NotAPhoto { .. })) => return Err(flaw),
+        Ok(content) if content != Content::Written(Format::Jpeg) => content,
+        _ => return Ok(()),
+    };
+    let Some(grid) = limits.grid else { return Ok(()) };
+    let found = catch_unwind(AssertUnwindSafe(|| {
+        file.rewind().ok()?;
+        // Another directory may hold a raw photo.
+        if content == Content::Written(Format::Tiff) && !tiff::is_single(file).ok()? {
+            return None;
+        }
+        file.rewind().ok()?;
+        let mut decoder = decoder(BufReader::new(file), content, limits).ok()?;
+        let (width, height) = decoder.dimensions();
+        let orientation = decoder.orientation().unwrap_or(Orientation::NoTransforms);
+        Some((Size::new(width as usize, height as usize), orientation))
+    }));
+    match found {
+        Ok(Some((size, orientation))) => shape::check(size, orientation, grid),
+        _ => Ok(()),
+    }
+}
 
 /// Reads all that `decoder` gives.
 fn collect<D: ImageDecoder>(

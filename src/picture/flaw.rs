@@ -113,6 +113,12 @@ impl PictureError {
         PictureError::Refused { name: name.to_owned(), flaw: Flaw::NotAFile { found } }
     }
 
+    /// Whether the file is refused whatever follows.
+    pub fn is_final(&self) -> bool {
+        use PictureError::{Refused, RefusedByWorker};
+        matches!(self, Refused { .. } | RefusedByWorker { .. }) && self.growth() == Growth::None
+    }
+
     /// Whether more of the file may follow.
     pub fn growth(&self) -> Growth {
         match self {

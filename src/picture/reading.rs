@@ -1,16 +1,21 @@
 //! Photo files opened and read as a rig asks.
 
 use std::fs::File;
-use std::io::Read;
+use std::io::{Read, Seek};
 use std::ops::Range;
 use std::path::Path;
 
 use rustix::fs::{Mode, OFlags, SeekFrom, seek};
 
-use super::decode::{Limits, walk};
-use super::{Flaw, Format, Growth, Photo, PictureError};
+use super::decode::{Limits, check_head, walk};
+use super::kind::HEAD_BYTES;
+use super::{Flaw, Format, Photo, PictureError};
 use crate::config::{Curve, LargerPhotos, RawResults, RigFile};
 use crate::frame::PhotoGrid;
+
+/// Longest file that is read whole before its kind and shape are looked at: on a board of 1 GiB it
+/// takes a sixteenth.
+const WHOLE_BYTES_MAX: u64 = 64 << 20;
 
 /// How the photos of a rig are read.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -76,32 +81,24 @@ impl ReadOptions {
     }
 }
 
-/// Checks that `file`, called `name`, is complete: a JPEG to its end marker, a PNG to its end
-/// chunk, a TIFF to its last strip, none with a hole in it. Other flaws are not reported.
+/// Checks without decoding that `file`, called `name`, is of a kind that is read, and complete: a
+/// JPEG to its end marker, a PNG to its end chunk, a TIFF to its last strip, none with a hole in
+/// it.
 ///
 /// # Errors
-/// [`PictureError::Refused`] with the missing part, always of [`Growth::Likely`];
+/// [`PictureError::Refused`], of [`Growth::Likely`](super::Growth) where a part is missing;
 /// [`PictureError::Read`].
 pub fn whole(name: &str, file: File, limits: &Limits) -> Result<(), PictureError> {
     let hole = hole_of(&file);
-    let walked = read_bytes(file, name, limits).and_then(|bytes| {
-        let flaw = match (walk(&bytes, limits), hole) {
-            (Err(flaw), _) => flaw,
-            (Ok(_), Some(Range { start: from, end: to })) => {
-                Flaw::ZeroFilled { from, to, length: bytes.len() }
-            }
-            (Ok(_), None) => return Ok(()),
-        };
-        Err(PictureError::Refused { name: name.to_owned(), flaw })
-    });
-    match walked {
-        Err(error)
-            if error.growth() == Growth::Likely || matches!(error, PictureError::Read { .. }) =>
-        {
-            Err(error)
+    let bytes = read_bytes(file, name, limits)?;
+    let flaw = match (walk(&bytes, limits), hole) {
+        (Err(flaw), _) => flaw,
+        (Ok(_), Some(Range { start: from, end: to })) => {
+            Flaw::ZeroFilled { from, to, length: bytes.len() }
         }
-        _ => Ok(()),
-    }
+        (Ok(_), None) => return Ok(()),
+    };
+    Err(PictureError::Refused { name: name.to_owned(), flaw })
 }
 
 /// The first part of `file` that its disk holds no data for, as in a copy that reserves its space
@@ -130,7 +127,7 @@ pub(super) fn open(path: &Path, name: &str) -> Result<File, PictureError> {
     }
 }
 
-/// The bytes of a plain file no longer than the limit.
+/// The bytes of a plain file no longer than the limit; a long one is refused by its head first.
 pub(super) fn read_bytes(file: File, name: &str, limits: &Limits) -> Result<Vec<u8>, PictureError> {
     let read = |source: std::io::Error| PictureError::Read { path: name.into(), source };
     let about = file.metadata().map_err(read)?;
@@ -142,8 +139,39 @@ pub(super) fn read_bytes(file: File, name: &str, limits: &Limits) -> Result<Vec<
         let flaw = Flaw::TooLong { found: about.len(), allowed: limits.bytes_max };
         return Err(PictureError::Refused { name: name.to_owned(), flaw });
     }
+    if about.len() > WHOLE_BYTES_MAX {
+        let mut head = Vec::new();
+        (&file).take(HEAD_BYTES).read_to_end(&mut head).map_err(read)?;
+        let checked = check_head(&file, &head, limits);
+        checked.map_err(|flaw| PictureError::Refused { name: name.to_owned(), flaw })?;
+        (&file).rewind().map_err(read)?;
+    }
     let mut bytes = Vec::with_capacity(about.len() as usize);
     // One that has grown meanwhile is too long for the walk over it.
     file.take(limits.bytes_max + 1).read_to_end(&mut bytes).map_err(read)?;
     Ok(bytes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::frame::Size;
+
+    #[test]
+    fn long_files_are_refused_by_their_head() {
+        let mut file = tempfile::tempfile().unwrap();
+        let limits = Limits::default().on(Size::new(256, 192).into());
+        let mut refusal = |head: &[u8]| {
+            use std::io::Write;
+            file.rewind().unwrap();
+            file.write_all(head).unwrap();
+            // Shorter than the pictures, and longer than what is read whole.
+            file.set_len(WHOLE_BYTES_MAX + 1).unwrap();
+            file.rewind().unwrap();
+            whole("a", file.try_clone().unwrap(), &limits).unwrap_err().to_string()
+        };
+        assert!(refusal(b"PK\x03\x04").contains("this is not a photo"));
+        assert!(refusal(b"P6\n6000 4001\n255\n").contains("6000×4001"));
+        assert!(refusal(b"P6\n6000 4500\n255\n").contains("never filled"));
+    }
 }

@@ -5,6 +5,8 @@ mod directory;
 
 use std::ops::RangeInclusive;
 
+use ::tiff::tags::Tag;
+
 use super::Flaw;
 use super::iptc;
 use super::kind::tiff_of_a_camera;
@@ -38,6 +40,7 @@ pub(super) const TILE_BYTE_COUNTS: u16 = 325;
 pub(super) const SUB_DIRECTORIES: u16 = 330;
 const EXTRA_SAMPLES: u16 = 338;
 pub(super) const SAMPLE_FORMAT: u16 = 339;
+pub(super) const DNG_VERSION: u16 = 50706;
 pub(super) const EXIF_DIRECTORY: u16 = 34665;
 pub(super) const GPS_DIRECTORY: u16 = 34853;
 pub(super) const MAKER_NOTE: u16 = 37500;
@@ -96,6 +99,16 @@ const TEXTS: [u16; 3] = [269, 285, 316];
 
 /// Most values of a field, so that a hostile file does not keep the program busy. Guess.
 const VALUES_MAX: usize = 1 << 20;
+
+/// Whether `file` holds one plain picture, and no raw photo.
+pub(super) fn is_single(file: &std::fs::File) -> ::tiff::TiffResult<bool> {
+    let mut decoder = ::tiff::decoder::Decoder::new(std::io::BufReader::new(file))?;
+    let mut has = |tag| decoder.find_tag(Tag::Unknown(tag)).map(|found| found.is_some());
+    let is_raw = has(SUB_DIRECTORIES)? || has(DNG_VERSION)? || has(MAKER_NOTE)?;
+    let colours = decoder.find_tag_unsigned::<u16>(Tag::PhotometricInterpretation)?;
+    // Grey either way round, or RGB.
+    Ok(!is_raw && !decoder.more_images() && matches!(colours, Some(0..=2)))
+}
 
 /// Walks the first directory of `bytes`.
 ///

@@ -66,6 +66,12 @@ with tempfile.TemporaryDirectory() as folder:
     write_picture(folder / "24 MP, another shape.jpg", (6000, 4001), quality=90)
     write_picture(folder / "24 MP, another shape.png", (6000, 4001), compress_level=1)
     write_picture(folder / "8 MP, another shape.tif", (3400, 2401))
+    write_picture(folder / "24 MP, another shape.bmp", (6000, 4001))
+    write_picture(folder / "24 MP, another shape.ppm", (6000, 4001))
+    write_picture(folder / "24 MP, another shape, LZW.tif", (6000, 4001), compression="tiff_lzw")
+    with (folder / "200 MB.zip").open("wb") as file:
+        file.write(b"PK\3\4")
+        file.truncate(200_000_000)
     (folder / "telephone.heic").write_bytes(b"\0\0\0\x18ftypheic" + bytes(4_000_000))
     (folder / "text.jpg").write_bytes(b"Dear Sir or Madam,\n")
     print("refused", "ms", "of the processor", "MB", "answer", sep="\t")

@@ -41,12 +41,15 @@ pub(crate) enum Claim {
     Refused(FileError),
 }
 
+/// The name of the photo at `path`, relative to the inbox; names of folders become part of it.
+pub(crate) fn flat_name(path: &Path) -> OsString {
+    path.iter().collect::<Vec<&OsStr>>().join(OsStr::new("-"))
+}
+
 /// Moves the photo at `path`, relative to the inbox, to `working`.
 pub(crate) fn claim(folders: &Folders, path: &Path) -> Result<Claim, FileError> {
-    // Folder names become part of the photo's own name.
-    let flat = path.iter().collect::<Vec<&OsStr>>().join(OsStr::new("-"));
     let from = folders.inbox.join(path);
-    match folders.files.move_to_own(&from, &folders.working, &flat) {
+    match folders.files.move_to_own(&from, &folders.working, &flat_name(path)) {
         // Not when `working` is missing.
         Err(error) if error.kind() == ErrorKind::NotFound && !folders.files.exists(&from)? => {
             Ok(Claim::Gone)
@@ -115,7 +118,11 @@ impl Claimed {
                 }
             }
         }
-        files.sync_folder(folder)?;
+        // Before the record goes: without it the photo would be tried again. Another's move is made
+        // durable with the gallery.
+        if self.ledger.attempts() > 0 {
+            files.sync_folder(folder)?;
+        }
         self.ledger.close(folders)?;
         Ok(failed)
     }

@@ -38,7 +38,7 @@ struct LedgerEntry {
 
 /// Identity of the file a record belongs to, which moving the file keeps.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-struct FileIdentity {
+pub(crate) struct FileIdentity {
     inode: u64,
     size: u64,
     changed: (i64, i64),

@@ -57,7 +57,7 @@ impl Worker {
         Worker { program, memory_bytes_max: 1536 << 20, processor_s_max: 60, wall_s_max: 120 }
     }
 
-    /// Checks that `file`, called `name`, is complete.
+    /// Checks that `file`, called `name`, is complete and of a kind that is read.
     pub fn whole(&self, name: &str, file: File, limits: &Limits) -> Result<(), PictureError> {
         let ask = self.ask(name, limits, Purpose::Whole);
         match read(name, &mut &self.answer(&ask, file)?[..])? {

@@ -27,7 +27,7 @@ pub(super) struct Ask {
 /// The purpose of reading a file.
 #[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 pub(super) enum Purpose {
-    /// To check that it is complete.
+    /// To check that it is complete and of a kind that is read.
     Whole,
     /// The photo, with this curve and on this grid.
     Photo(Curve, PhotoGrid),
@@ -38,7 +38,7 @@ pub(super) enum Purpose {
 /// A worker's answer.
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) enum Answer<P = Box<Photo>> {
-    /// The file is complete.
+    /// The file is complete and of a kind that is read.
     Whole,
     /// The photo; its planes follow.
     Photo(Header<P>),
