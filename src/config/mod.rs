@@ -33,7 +33,7 @@ pub use parts::{
 };
 pub use rig::{Kind, RigFile};
 pub use simulation::{
-    DisplayTable, Faults, GLASSES, Glare, Lens, LensGeometry, LensSurface, Pose, Prescription,
+    DisplayTable, Faults, Glare, Glass, Lens, LensGeometry, LensSurface, Pose, Prescription,
     SensorCurve, SensorTable, Simulation, Surround, Uneven, Unrest,
 };
 pub use spectra::{Primaries, SpectralLight, Wavelength};

@@ -29,9 +29,6 @@ pub struct Simulation {
     pub unrest: Unrest,
 }
 
-/// Glasses that a rig file can name.
-pub const GLASSES: [&str; 5] = ["air", "N-BK7", "F2", "N-SF11", "fused-silica"];
-
 table! {
     /// Simulation as a whole.
     pub(super) struct SimulationTable {
@@ -207,11 +204,25 @@ table! {
         /// focusing.
         thickness_mm: f64, Number(0.0, 1e4), Never;
         /// Medium behind the surface.
-        glass: String, Such("air, N-BK7, F2, N-SF11 or fused-silica", |value| {
-            value.as_str().is_some_and(|name| GLASSES.contains(&name))
-        }), Never;
+        glass: Glass, Word(Glass::WORDS), Never;
         /// Clear diameter; rays beyond it are lost.
         clear_diameter_mm: f64, MoreThan(0.0), Never;
+    }
+}
+
+words! {
+    /// Medium behind a surface.
+    pub enum Glass {
+        /// None.
+        Air = "air",
+        /// Borosilicate crown by Schott.
+        NBk7 = "N-BK7",
+        /// Flint by Schott.
+        F2 = "F2",
+        /// Dense flint by Schott.
+        NSf11 = "N-SF11",
+        /// Fused silica.
+        FusedSilica = "fused-silica",
     }
 }
 

@@ -1,13 +1,13 @@
 //! A button on a GPIO line. Kernels drop edges, so an edge only triggers a reading of the level.
 
-use std::time::Duration;
+use std::error::Error;
 
 use gpiocdev::line::{Bias, EdgeDetection, Value};
 
 use crate::config::{GpioLine, Level};
 use crate::rig::gpio_line::{CONSUMER, find};
-use crate::rig::monotonic::Monotonic;
-use crate::rig::{ButtonLevel, Clock, Moment, RigError};
+use crate::rig::monotonic::ready_by;
+use crate::rig::{ButtonLevel, Moment, RigError};
 
 /// Edge events per reading: the kernel queues 16 per line.
 const EVENTS: usize = 16;
@@ -18,15 +18,12 @@ pub struct Button {
     offset: u32,
 }
 
-fn failed(doing: &'static str) -> impl Fn(gpiocdev::Error) -> RigError {
+fn failed<E: Error + Send + Sync + 'static>(doing: &'static str) -> impl Fn(E) -> RigError {
     move |cause| RigError::Failed { device: "button", doing, source: std::io::Error::other(cause) }
 }
 
 impl Button {
-    /// Requests the line with its pull resistor towards "off".
-    ///
-    /// # Errors
-    /// When there is no such line, or another program uses it.
+    /// Requests the line with its pull resistor towards "off"; fails as [`find`].
     pub fn open(name: &GpioLine) -> Result<Self, RigError> {
         let place = find("button", name)?;
         let mut builder = gpiocdev::Request::builder();
@@ -44,9 +41,8 @@ impl Button {
 
 impl ButtonLevel for Button {
     fn level_by(&mut self, deadline: Moment) -> Result<bool, RigError> {
-        let remaining_s = (deadline.0 - Monotonic.now().0).clamp(0.0, 3600.0);
-        let waited = self.request.wait_edge_event(Duration::from_secs_f64(remaining_s));
-        if waited.map_err(failed("wait for its edges"))? {
+        let waited = ready_by(&self.request, deadline);
+        if !waited.map_err(failed("wait for its edges"))?.is_empty() {
             let mut events = self.request.new_edge_event_buffer(EVENTS);
             events.read_event().map_err(failed("read its edges"))?;
         }

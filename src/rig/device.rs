@@ -127,6 +127,33 @@ pub enum RigError {
     Refused { device: &'static str, found: String, allowed: String },
 }
 
+impl RigError {
+    /// Refusal of what was `found`, with what is `allowed` instead.
+    pub fn refused(
+        device: &'static str,
+        found: impl Into<String>,
+        allowed: impl Into<String>,
+    ) -> RigError {
+        RigError::Refused { device, found: found.into(), allowed: allowed.into() }
+    }
+
+    /// Loss of `device`.
+    pub fn gone(device: &'static str, what: impl Into<String>) -> RigError {
+        RigError::Gone { device, what: what.into() }
+    }
+
+    /// Another program's use of `device`.
+    pub fn held(device: &'static str, what: impl Into<String>) -> RigError {
+        RigError::Held { device, what: what.into() }
+    }
+}
+
+/// `names` in a message.
+#[cfg(feature = "hardware")]
+pub(super) fn listed(names: &[String]) -> String {
+    if names.is_empty() { "none".to_owned() } else { names.join(", ") }
+}
+
 impl Remediable for RigError {
     fn remedy(&self) -> Remedy {
         match self {
@@ -146,18 +173,12 @@ impl Remediable for RigError {
 pub trait ButtonLevel {
     /// Waits for a change of level, at most until `deadline`, and returns the level. May return
     /// early.
-    ///
-    /// # Errors
-    /// When the line can no longer be read.
     fn level_by(&mut self, deadline: Moment) -> Result<bool, RigError>;
 }
 
 /// The lamps of a box.
 pub trait LampRow {
     /// Lights exactly `lit`.
-    ///
-    /// # Errors
-    /// When a line cannot be set.
     fn show(&mut self, lit: &[Lamp]) -> Result<(), RigError>;
 }
 

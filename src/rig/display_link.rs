@@ -82,11 +82,8 @@ impl Link {
         self.dark = false;
         if self.bad > TRAININGS_MAX {
             let name = display.name();
-            let what = format!(
-                "the link to {name} fails whenever its mode is set; try another cable or a lower \
-                 mode"
-            );
-            return Err(RigError::Gone { device: "panel", what });
+            let what = "fails whenever its mode is set; try another cable or a lower mode";
+            return Err(RigError::gone("panel", format!("the link to {name} {what}")));
         }
         Ok(true)
     }
@@ -94,7 +91,7 @@ impl Link {
 
 /// Error for a connector without a display.
 pub(super) fn unplugged(name: &str) -> RigError {
-    RigError::Gone { device: "panel", what: format!("nothing is plugged into {name}") }
+    RigError::gone("panel", format!("nothing is plugged into {name}"))
 }
 
 #[cfg(test)]

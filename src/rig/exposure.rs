@@ -156,14 +156,11 @@ impl Devices {
             match self.camera.frame(deadline) {
                 Err(RigError::NoFrame { .. }) => return Ok(()),
                 Ok(exposed) if exposed.at > began => {
-                    return Err(RigError::Refused {
-                        device: "camera",
-                        found: "a frame without a trigger pulse: the camera runs free".to_owned(),
-                        allowed: "frames on pulses alone: switch the camera's trigger mode on \
-                                  (hardware.md), or write kind = \"free-running\" in \
-                                  [hardware.trigger]"
-                            .to_owned(),
-                    });
+                    let found = "a frame without a trigger pulse: the camera runs free";
+                    let allowed = "frames on pulses alone: switch the camera's trigger mode on \
+                                   (hardware.md), or write kind = \"free-running\" in \
+                                   [hardware.trigger]";
+                    return Err(RigError::refused("camera", found, allowed));
                 }
                 earlier => self.camera.give_back(earlier?.counts),
             }

@@ -1,14 +1,15 @@
 //! GPIO lines by chip label and line name, since numbers differ between boards and kernels.
 
-use std::path::{Path, PathBuf};
+use std::io;
+use std::path::PathBuf;
 
-use embedded_hal::digital::{ErrorKind, ErrorType, OutputPin};
+use rustix::io::Errno;
 
 use super::RigError;
+use super::device::listed;
 use crate::config::{GpioLine, Level};
 
 /// A line by its chip's node and its number.
-#[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct LinePlace {
     pub(super) node: PathBuf,
     pub(super) offset: u32,
@@ -17,48 +18,38 @@ pub(super) struct LinePlace {
 /// Consumer name of this program's lines.
 pub(super) const CONSUMER: &str = "relens";
 
-pub(super) fn refused(device: &'static str, found: String, allowed: Vec<String>) -> RigError {
-    let allowed = if allowed.is_empty() { "none".to_owned() } else { allowed.join(", ") };
-    RigError::Refused { device, found, allowed }
-}
-
 /// Finds a line; `device` names its purpose in messages.
 ///
 /// # Errors
 /// [`RigError::Refused`] with the existing labels or names; [`RigError::Held`] with the name of the
 /// program that uses the line.
 pub(super) fn find(device: &'static str, name: &GpioLine) -> Result<LinePlace, RigError> {
+    let GpioLine { chip: label, line: wanted, .. } = name;
     let mut labels = Vec::new();
     for node in gpiocdev::chip::chips().unwrap_or_default() {
         let Ok(chip) = gpiocdev::chip::Chip::from_path(&node) else { continue };
         let Ok(info) = chip.info() else { continue };
-        if info.label != name.chip {
+        if info.label != *label {
             labels.push(info.label);
             continue;
         }
         let mut names = Vec::new();
-        for line in 0..info.num_lines {
-            let Ok(line) = chip.line_info(line) else { continue };
-            if line.name == name.line {
-                if line.used {
-                    let holder =
-                        if line.consumer.is_empty() { "the kernel" } else { &line.consumer };
-                    let what =
-                        format!("line {} of {} is in use by {holder:?}", name.line, name.chip);
-                    return Err(RigError::Held { device, what });
-                }
+        for line in (0..info.num_lines).filter_map(|n| chip.line_info(n).ok()) {
+            if line.name != *wanted {
+                names.push(line.name);
+            } else if line.used {
+                let holder = if line.consumer.is_empty() { "the kernel" } else { &line.consumer };
+                let what = format!("line {wanted} of {label} is in use by {holder:?}");
+                return Err(RigError::held(device, what));
+            } else {
                 return Ok(LinePlace { node, offset: line.offset });
             }
-            names.push(line.name);
         }
         names.retain(|other| !other.is_empty());
-        return Err(refused(
-            device,
-            format!("line {:?} on chip {:?}", name.line, name.chip),
-            names,
-        ));
+        let found = format!("line {wanted:?} on chip {label:?}");
+        return Err(RigError::refused(device, found, listed(&names)));
     }
-    Err(refused(device, format!("GPIO chip {:?}", name.chip), labels))
+    Err(RigError::refused(device, format!("GPIO chip {label:?}"), listed(&labels)))
 }
 
 /// An output line, off when opened and when dropped.
@@ -72,34 +63,31 @@ impl OutputLine {
     /// # Errors
     /// As [`find`]; [`RigError::Failed`] when the kernel refuses the line.
     pub fn open(device: &'static str, name: &GpioLine) -> Result<Self, RigError> {
-        let place = find(device, name)?;
-        let lines = request(&place.node, place.offset, name.active).map_err(|source| {
-            match rustix::io::Errno::from_io_error(&source) {
-                Some(rustix::io::Errno::BUSY) => {
-                    let what =
-                        format!("line {} of {} is in use by another program", name.line, name.chip);
-                    RigError::Held { device, what }
-                }
-                _ => RigError::Failed { device, doing: "take its line", source },
+        let LinePlace { node, offset } = find(device, name)?;
+        let active = match name.active {
+            Level::High => gpiod::Active::High,
+            Level::Low => gpiod::Active::Low,
+        };
+        let options =
+            gpiod::Options::output([offset]).active(active).values([false]).consumer(CONSUMER);
+        let lines = gpiod::Chip::new(node).and_then(|chip| chip.request_lines(options));
+        let lines = lines.map_err(|source| match Errno::from_io_error(&source) {
+            Some(Errno::BUSY) => {
+                let GpioLine { chip, line, .. } = name;
+                RigError::held(
+                    device,
+                    format!("line {line} of {chip} is in use by another program"),
+                )
             }
+            _ => RigError::Failed { device, doing: "take its line", source },
         })?;
         Ok(OutputLine { lines })
     }
 
-    fn set(&self, on: bool) -> Result<(), LineError> {
-        self.lines.set_values([on]).map_err(LineError)
+    /// Switches the line on or off, whatever the level on the wire.
+    pub fn set(&self, on: bool) -> io::Result<()> {
+        self.lines.set_values([on])
     }
-}
-
-fn request(
-    node: &Path,
-    offset: u32,
-    active: Level,
-) -> std::io::Result<gpiod::Lines<gpiod::Output>> {
-    let active = if active == Level::Low { gpiod::Active::Low } else { gpiod::Active::High };
-    let options =
-        gpiod::Options::output([offset]).active(active).values([false]).consumer(CONSUMER);
-    gpiod::Chip::new(node)?.request_lines(options)
 }
 
 impl Drop for OutputLine {
@@ -107,31 +95,5 @@ impl Drop for OutputLine {
     /// (hardware.md).
     fn drop(&mut self) {
         let _ = self.set(false);
-    }
-}
-
-/// The kernel refused to set a line.
-#[derive(Debug, thiserror::Error)]
-#[error("cannot set the line")]
-pub struct LineError(#[source] pub std::io::Error);
-
-impl embedded_hal::digital::Error for LineError {
-    fn kind(&self) -> ErrorKind {
-        ErrorKind::Other
-    }
-}
-
-impl ErrorType for OutputLine {
-    type Error = LineError;
-}
-
-/// High means "on", whatever the level on the wire.
-impl OutputPin for OutputLine {
-    fn set_low(&mut self) -> Result<(), LineError> {
-        self.set(false)
-    }
-
-    fn set_high(&mut self) -> Result<(), LineError> {
-        self.set(true)
     }
 }

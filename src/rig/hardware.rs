@@ -2,8 +2,6 @@
 
 use std::path::Path;
 
-use linux_embedded_hal::Delay;
-
 use super::binned::binned;
 use super::exposure::{Devices, Timing};
 use super::gpio_line::OutputLine;
@@ -15,10 +13,6 @@ use super::{Panel, RigError, Trigger, camera, kms_card};
 use crate::config::{self, ExposureBy, Hardware, PanelDevice, PanelTable, TriggerDevice};
 
 /// Opens panel, trigger and camera.
-///
-/// # Errors
-/// As [`KmsPanel::open`], [`OutputLine::open`] and [`PwmTrigger::open`], and for a camera that
-/// cannot be opened.
 pub fn open(rig: &config::RigFile, hardware: &Hardware) -> Result<Devices, RigError> {
     let panel = open_panel(&rig.panel, &hardware.panel)?;
     let pulse_us = hardware.pulse_us(rig.camera.exposure_ms);
@@ -36,9 +30,6 @@ pub fn open(rig: &config::RigFile, hardware: &Hardware) -> Result<Devices, RigEr
 }
 
 /// Opens the panel alone, so that messages can be shown when another device fails.
-///
-/// # Errors
-/// When there is no such panel, or another program drives it.
 pub fn open_panel(
     panel: &PanelTable,
     device: &PanelDevice,
@@ -54,8 +45,8 @@ fn open_trigger(
     match device {
         TriggerDevice::FreeRunning(_) => Ok(Box::new(FreeRunning(Monotonic))),
         TriggerDevice::Line(name) => {
-            let pin = OutputLine::open("trigger", name)?;
-            let trigger = PulseTrigger::new(pin, Delay, Monotonic, pulse_us)?;
+            let line = OutputLine::open("trigger", name)?;
+            let trigger = PulseTrigger::new(move |on| line.set(on), Monotonic, pulse_us)?;
             Ok(Box::new(if pulsed { trigger.exposing() } else { trigger }))
         }
         TriggerDevice::Pwm(name) => {

@@ -31,20 +31,25 @@ pub(super) fn failed(doing: &'static str) -> impl Fn(std::io::Error) -> RigError
 pub(super) fn commit_failed(cause: std::io::Error) -> RigError {
     match Errno::from_io_error(&cause) {
         // EACCES: this program is not DRM master (any more).
-        Some(Errno::ACCESS | Errno::PERM) => RigError::Held {
-            device: "panel",
-            what: "another program drives the display (it is DRM master); a desktop or a second \
-             relens?"
-                .to_owned(),
-        },
-        Some(Errno::NODEV) => {
-            RigError::Gone { device: "panel", what: "the display driver has gone".to_owned() }
-        }
+        Some(Errno::ACCESS | Errno::PERM) => RigError::held(
+            "panel",
+            "another program drives the display (it is DRM master); a desktop or a second relens?",
+        ),
+        Some(Errno::NODEV) => RigError::gone("panel", "the display driver has gone"),
         _ => failed("put a picture on")(cause),
     }
 }
 
+/// Nodes by their numbers, whether they exist or not.
+fn numbered() -> impl Iterator<Item = PathBuf> {
+    (0..16).map(|n| PathBuf::from(format!("/dev/dri/card{n}")))
+}
+
 impl Card {
+    fn at(path: &Path) -> Result<Card, Errno> {
+        rustix::fs::open(path, OFlags::RDWR | OFlags::CLOEXEC, Mode::empty()).map(Card)
+    }
+
     /// Opens `node`, or the one of `/dev/dri/card*` with the connector `connector` ("HDMI-A-1").
     /// Boards have nodes for 3D and for other panels, in an order that changes from boot to boot.
     ///
@@ -52,25 +57,18 @@ impl Card {
     /// [`RigError::Gone`] if no node that drives a display can be opened, [`RigError::Refused`] if
     /// none or two have the connector.
     pub(super) fn open(node: Option<&Path>, connector: &str) -> Result<Card, RigError> {
-        let numbered = (0..16).map(|n| PathBuf::from(format!("/dev/dri/card{n}")));
         let candidates: Vec<PathBuf> =
-            node.map_or_else(|| numbered.collect(), |path| vec![path.to_owned()]);
+            node.map_or_else(|| numbered().collect(), |path| vec![path.to_owned()]);
         let (mut cards, mut sockets) = (Vec::new(), Vec::new());
         let mut refusal = None;
         for path in candidates {
-            match rustix::fs::open(&path, OFlags::RDWR | OFlags::CLOEXEC, Mode::empty()) {
-                Ok(fd) => {
-                    let card = Card(fd);
-                    match card.sockets() {
-                        Ok(found) if !found.is_empty() => {
-                            sockets.push(CardSockets { card: path, sockets: found });
-                            cards.push(card);
-                        }
-                        _ => {
-                            let idle = || format!("{} drives no display", path.display());
-                            refusal.get_or_insert_with(idle);
-                        }
-                    }
+            match Card::at(&path).map(|card| (card.sockets(), card)) {
+                Ok((Ok(found), card)) if !found.is_empty() => {
+                    sockets.push(CardSockets { card: path, sockets: found });
+                    cards.push(card);
+                }
+                Ok(_) => {
+                    refusal.get_or_insert_with(|| format!("{} drives no display", path.display()));
                 }
                 Err(Errno::NOENT) if node.is_none() => {}
                 Err(cause) => {
@@ -80,7 +78,7 @@ impl Card {
         }
         if cards.is_empty() {
             let what = refusal.unwrap_or_else(|| "there is no /dev/dri/card* node".to_owned());
-            return Err(RigError::Gone { device: "panel", what });
+            return Err(RigError::gone("panel", what));
         }
         let chosen = chosen(&sockets, connector)?;
         Ok(cards.swap_remove(chosen))
@@ -95,9 +93,6 @@ impl Card {
     }
 
     /// The connector `name` ("HDMI-A-1"), its state probed.
-    ///
-    /// # Errors
-    /// [`RigError::Refused`] with the existing names.
     pub(super) fn connector(&self, name: &str) -> Result<connector::Info, RigError> {
         let mut names = Vec::new();
         for &handle in self.resource_handles().map_err(failed("list connectors"))?.connectors() {
@@ -149,11 +144,7 @@ struct CardSockets {
 }
 
 fn no_connector(name: &str, there: &[String]) -> RigError {
-    RigError::Refused {
-        device: "panel",
-        found: format!("connector {name:?}"),
-        allowed: there.join(", "),
-    }
+    RigError::refused("panel", format!("connector {name:?}"), there.join(", "))
 }
 
 /// Index of the card with the connector `name`. Names are unique only within a card; of two cards,
@@ -178,15 +169,11 @@ fn chosen(cards: &[CardSockets], name: &str) -> Result<usize, RigError> {
             Err(no_connector(name, &cards.iter().map(of_card).collect::<Vec<_>>()))
         }
         (several, _) => {
-            let nodes = several.iter().map(|&n| cards[n].card.display().to_string());
-            Err(RigError::Refused {
-                device: "panel",
-                found: format!("{} cards with a connector {name:?}", several.len()),
-                allowed: format!(
-                    "one of them: hardware.panel.node = one of {}",
-                    nodes.collect::<Vec<_>>().join(", ")
-                ),
-            })
+            let node = |&n: &usize| cards[n].card.display().to_string();
+            let nodes = several.iter().map(node).collect::<Vec<_>>().join(", ");
+            let found = format!("{} cards with a connector {name:?}", several.len());
+            let allowed = format!("one of them: hardware.panel.node = one of {nodes}");
+            Err(RigError::refused("panel", found, allowed))
         }
     }
 }
@@ -194,9 +181,8 @@ fn chosen(cards: &[CardSockets], name: &str) -> Result<usize, RigError> {
 /// Writes connectors of all cards with their modes and properties to `text`; of a blob, such as the
 /// monitor's description with its serial number, only that there is one.
 pub(super) fn describe(text: &mut impl Write) -> std::fmt::Result {
-    for path in (0..16).map(|n| PathBuf::from(format!("/dev/dri/card{n}"))) {
-        let fd = rustix::fs::open(&path, OFlags::RDWR | OFlags::CLOEXEC, Mode::empty());
-        let Some(card) = fd.ok().map(Card) else { continue };
+    for path in numbered() {
+        let Ok(card) = Card::at(&path) else { continue };
         let driver = card.get_driver().map(|driver| driver.name().to_string_lossy().into_owned());
         writeln!(text, "{}: {}", path.display(), driver.unwrap_or_default())?;
         for handle in card.resource_handles().iter().flat_map(|all| all.connectors().to_vec()) {
@@ -209,15 +195,10 @@ pub(super) fn describe(text: &mut impl Write) -> std::fmt::Result {
             let Ok(properties) = card.properties(handle) else { continue };
             for (info, value) in &properties.0 {
                 let choices = match info.value_type() {
-                    property::ValueType::Enum(choices) => format!(
-                        " of {:?}",
-                        choices
-                            .values()
-                            .1
-                            .iter()
-                            .map(|c| (c.value(), c.name()))
-                            .collect::<Vec<_>>()
-                    ),
+                    property::ValueType::Enum(choices) => {
+                        let named = choices.values().1.iter().map(|c| (c.value(), c.name()));
+                        format!(" of {:?}", named.collect::<Vec<_>>())
+                    }
                     property::ValueType::Blob => " (blob)".to_owned(),
                     _ => String::new(),
                 };
@@ -234,37 +215,25 @@ pub(super) struct Properties(Vec<(property::Info, property::RawValue)>);
 impl Properties {
     /// The property `name` and its value.
     pub(super) fn get(&self, name: &str) -> Option<(&property::Info, property::RawValue)> {
-        self.0
-            .iter()
-            .find(|(info, _)| info.name().to_bytes() == name.as_bytes())
-            .map(|(info, value)| (info, *value))
+        let mut all = self.0.iter().map(|(info, value)| (info, *value));
+        all.find(|(info, _)| info.name().to_bytes() == name.as_bytes())
     }
 
     /// Handle of a property that every such driver should have.
-    ///
-    /// # Errors
-    /// [`RigError::Refused`] if this one lacks it.
     pub(super) fn handle(&self, name: &str) -> Result<property::Handle, RigError> {
-        self.get(name).map(|(info, _)| info.handle()).ok_or_else(|| RigError::Refused {
-            device: "panel",
-            found: format!("a driver without the property {name}"),
-            allowed: "drivers with atomic mode setting".to_owned(),
+        self.get(name).map(|(info, _)| info.handle()).ok_or_else(|| {
+            let found = format!("a driver without the property {name}");
+            RigError::refused("panel", found, "drivers with atomic mode setting")
         })
     }
 }
 
 /// Value of the word `choice` of an enumerated property.
 pub(super) fn choice_value(info: &property::Info, choice: &str) -> Option<property::RawValue> {
-    match info.value_type() {
-        property::ValueType::Enum(choices) => {
-            let (_, named) = choices.values();
-            named
-                .iter()
-                .find(|c| c.name().to_bytes() == choice.as_bytes())
-                .map(property::EnumValue::value)
-        }
-        _ => None,
-    }
+    let property::ValueType::Enum(choices) = info.value_type() else { return None };
+    let (_, named) = choices.values();
+    let choice = named.iter().find(|c| c.name().to_bytes() == choice.as_bytes())?;
+    Some(choice.value())
 }
 
 #[cfg(test)]

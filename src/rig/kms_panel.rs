@@ -11,13 +11,12 @@ use drm::control::{
     AtomicCommitFlags, Device as _, Event, Mode, atomic::AtomicModeReq, connector, crtc,
     dumbbuffer::DumbBuffer, framebuffer, property,
 };
-use rustix::event::{PollFd, PollFlags, poll};
 use rustix::io::Errno;
 
 use super::display_link::{ConnectorState, Display, Link, unplugged};
 use super::kms_card::{Card, commit_failed, failed};
 use super::modeset::{Pipe, darken, light_up};
-use super::monotonic::{Monotonic, remaining_until};
+use super::monotonic::{Monotonic, ready_by};
 use super::{Clock, Flip, Moment, Panel, RigError};
 use crate::config::{PanelDevice, PanelTable};
 use crate::frame::{Codes, Size};
@@ -71,10 +70,9 @@ impl KmsPanel {
         }
         // Primary planes are listed only with the first.
         for capability in [drm::ClientCapability::UniversalPlanes, drm::ClientCapability::Atomic] {
-            card.set_client_capability(capability, true).map_err(|_| RigError::Refused {
-                device: "panel",
-                found: "a display driver without atomic mode setting".to_owned(),
-                allowed: "one with it, as of every current graphics chip".to_owned(),
+            card.set_client_capability(capability, true).map_err(|_| {
+                let found = "a display driver without atomic mode setting";
+                RigError::refused("panel", found, "one with it, as of every current graphics chip")
             })?;
         }
         let connector = card.connector(name)?;
@@ -128,11 +126,8 @@ impl KmsPanel {
     /// When the panel or the right to use it is gone, or another flip is pending.
     pub fn put(&mut self, codes: &Codes) -> Result<(), RigError> {
         if codes.size() != self.size {
-            return Err(RigError::Refused {
-                device: "panel",
-                found: format!("a picture of {}", codes.size()),
-                allowed: self.size.to_string(),
-            });
+            let found = format!("a picture of {}", codes.size());
+            return Err(RigError::refused("panel", found, self.size.to_string()));
         }
         self.keep_lit()?;
         let back = 1 - self.front;
@@ -160,23 +155,15 @@ impl KmsPanel {
     fn request_flip(&mut self, buffer: usize) -> Result<(), RigError> {
         let picture = self.buffers[buffer].picture;
         let mut request = AtomicModeReq::new();
-        request.add_property(
-            self.pipe.plane,
-            self.picture_property,
-            property::Value::Framebuffer(Some(picture)),
-        );
+        let shown = property::Value::Framebuffer(Some(picture));
+        request.add_property(self.pipe.plane, self.picture_property, shown);
         let flags = AtomicCommitFlags::NONBLOCK | AtomicCommitFlags::PAGE_FLIP_EVENT;
-        let asked = self.card.atomic_commit(flags, request);
-        match asked {
-            Ok(()) => {
-                self.front = buffer;
-                Ok(())
-            }
-            Err(cause) => {
-                self.link.lose();
-                Err(commit_failed(cause))
-            }
-        }
+        self.card.atomic_commit(flags, request).map_err(|cause| {
+            self.link.lose();
+            commit_failed(cause)
+        })?;
+        self.front = buffer;
+        Ok(())
     }
 
     /// Waits until scan-out of the picture of [`KmsPanel::put`] begins.
@@ -186,16 +173,11 @@ impl KmsPanel {
     pub fn flipped(&mut self) -> Result<Flip, RigError> {
         let deadline = Moment(Monotonic.now().0 + (FLIP_REFRESHES_MAX * self.interval_s).max(1.0));
         loop {
-            let mut waiting = [PollFd::new(&self.card, PollFlags::IN)];
-            match poll(&mut waiting, Some(&remaining_until(deadline))) {
-                Ok(0) => {
-                    self.link.lose();
-                    let what = "the display stopped refreshing (no flip event)".to_owned();
-                    return Err(RigError::Gone { device: "panel", what });
-                }
-                Err(Errno::INTR) => continue,
-                Err(cause) => return Err(failed("wait for a refresh")(cause.into())),
-                Ok(_) => {}
+            let events = ready_by(&self.card, deadline).map_err(failed("wait for a refresh"))?;
+            if events.is_empty() {
+                self.link.lose();
+                let what = "the display stopped refreshing (no flip event)";
+                return Err(RigError::gone("panel", what));
             }
             for event in self.card.receive_events().map_err(failed("read a refresh event"))? {
                 if let Event::PageFlip(flip) = event {
@@ -225,15 +207,11 @@ impl KmsPanel {
         let interval_s = (last.at.0 - first.at.0) / f64::from(refreshes.max(1));
         let wanted_s = self.interval_s;
         if (interval_s / wanted_s - 1.0).abs() > INTERVAL_ERROR_MAX {
-            return Err(RigError::Refused {
-                device: "panel",
-                found: format!("a measured refresh interval of {:.3} ms", interval_s * 1e3),
-                allowed: format!(
-                    "{:.3} ms ± {:.1} % (refresh-hz in the rig file)",
-                    wanted_s * 1e3,
-                    INTERVAL_ERROR_MAX * 100.0
-                ),
-            });
+            let found = format!("a measured refresh interval of {:.3} ms", interval_s * 1e3);
+            let (wanted_ms, percent) = (wanted_s * 1e3, INTERVAL_ERROR_MAX * 100.0);
+            let allowed =
+                format!("{wanted_ms:.3} ms ± {percent:.1} % (refresh-hz in the rig file)");
+            return Err(RigError::refused("panel", found, allowed));
         }
         Ok(interval_s)
     }
@@ -245,16 +223,12 @@ impl Display for KmsPanel {
     }
 
     fn state(&mut self) -> Result<ConnectorState, RigError> {
-        let connector = self
-            .card
-            .get_connector(self.pipe.connector, false)
-            .map_err(failed("ask the connector"))?;
+        let connector = self.card.get_connector(self.pipe.connector, false);
+        let connector = connector.map_err(failed("ask the connector"))?;
         let properties = self.card.properties(self.pipe.connector)?;
         let link_status = properties.get("link-status").map(|(_, value)| value);
-        Ok(ConnectorState {
-            plugged_in: connector.state() == connector::State::Connected,
-            link_status,
-        })
+        let plugged_in = connector.state() == connector::State::Connected;
+        Ok(ConnectorState { plugged_in, link_status })
     }
 
     fn probe(&mut self) -> Result<bool, RigError> {
@@ -291,14 +265,10 @@ impl Drop for KmsPanel {
     /// Restores the screen; failures are ignored.
     fn drop(&mut self) {
         if let Some(before) = self.before.filter(|info| info.framebuffer().is_some()) {
-            let connectors = [self.pipe.connector];
-            let _ = self.card.set_crtc(
-                self.pipe.crtc,
-                before.framebuffer(),
-                before.position(),
-                &connectors,
-                before.mode(),
-            );
+            let (crtc, place, connectors) =
+                (self.pipe.crtc, before.position(), [self.pipe.connector]);
+            let shown = before.framebuffer();
+            let _ = self.card.set_crtc(crtc, shown, place, &connectors, before.mode());
         }
         for buffer in &self.buffers {
             let _ = self.card.destroy_framebuffer(buffer.picture);
@@ -321,16 +291,13 @@ fn find_mode(connector: &connector::Info, panel: &PanelTable) -> Result<Mode, Ri
             && (exact_refresh_hz(mode) / panel.refresh_hz - 1.0).abs() < INTERVAL_ERROR_MAX
     };
     connector.modes().iter().find(fits).copied().ok_or_else(|| {
-        let listed: Vec<String> = (connector.modes().iter())
-            .map(|mode| {
-                format!("{}×{} at {:.2} Hz", mode.size().0, mode.size().1, exact_refresh_hz(mode))
-            })
-            .collect();
-        RigError::Refused {
-            device: "panel",
-            found: format!("mode {} at {} Hz on {connector}", panel.size(), panel.refresh_hz),
-            allowed: listed.join(", "),
-        }
+        let spelled = |mode: &Mode| {
+            let (width, height) = mode.size();
+            format!("{width}×{height} at {:.2} Hz", exact_refresh_hz(mode))
+        };
+        let offered: Vec<String> = connector.modes().iter().map(spelled).collect();
+        let found = format!("mode {} at {} Hz on {connector}", panel.size(), panel.refresh_hz);
+        RigError::refused("panel", found, offered.join(", "))
     })
 }
 
@@ -353,18 +320,13 @@ fn find_pipe(card: &Card, connector: &connector::Info) -> Result<Pipe, RigError>
         }
     }
     let found = format!("no pipe of the display hardware reaches {connector}");
-    Err(RigError::Refused {
-        device: "panel",
-        found,
-        allowed: "a connector with a free pipe".to_owned(),
-    })
+    Err(RigError::refused("panel", found, "a connector with a free pipe"))
 }
 
 fn new_buffer(card: &Card, size: Size) -> Result<PictureBuffer, RigError> {
     let size = (size.width as u32, size.height as u32);
-    let memory = card
-        .create_dumb_buffer(size, DrmFourcc::Xrgb8888, 32)
-        .map_err(failed("make a picture buffer"))?;
-    let picture = card.add_framebuffer(&memory, 24, 32).map_err(failed("make a picture buffer"))?;
+    let failed = failed("make a picture buffer");
+    let memory = card.create_dumb_buffer(size, DrmFourcc::Xrgb8888, 32).map_err(&failed)?;
+    let picture = card.add_framebuffer(&memory, 24, 32).map_err(&failed)?;
     Ok(PictureBuffer { picture, memory })
 }

@@ -1,7 +1,5 @@
 //! The box's lamps.
 
-use embedded_hal::digital::OutputPin;
-
 use super::gpio_line::OutputLine;
 use super::{Lamp, LampRow, RigError};
 use crate::config::LampDevices;
@@ -29,12 +27,11 @@ impl Lamps {
 impl LampRow for Lamps {
     fn show(&mut self, lit: &[Lamp]) -> Result<(), RigError> {
         for (lamp, line) in &mut self.lines {
-            let outcome = if lit.contains(lamp) { line.set_high() } else { line.set_low() };
-            outcome.map_err(|cause| RigError::Failed {
-                device: "lamp",
-                doing: "change its line",
-                source: cause.0,
-            })?;
+            let failed = |source| {
+                let (device, doing) = ("lamp", "change its line");
+                RigError::Failed { device, doing, source }
+            };
+            line.set(lit.contains(lamp)).map_err(failed)?;
         }
         Ok(())
     }

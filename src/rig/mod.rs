@@ -67,11 +67,10 @@ pub fn open_without_marks(rig: &config::RigFile) -> Result<exposure::Devices, Ri
         #[cfg(feature = "hardware")]
         config::Kind::Hardware(hardware) => hardware::open(rig, hardware),
         #[cfg(not(feature = "hardware"))]
-        config::Kind::Hardware(_) => Err(RigError::Refused {
-            device: "rig",
-            found: format!("the rig `{}`, which is made of hardware", rig.name),
-            allowed: "a simulated rig; this relens was built without `--features hardware`"
-                .to_owned(),
-        }),
+        config::Kind::Hardware(_) => {
+            let found = format!("the rig `{}`, which is made of hardware", rig.name);
+            let allowed = "a simulated rig; this relens was built without `--features hardware`";
+            Err(RigError::refused("rig", found, allowed))
+        }
     }
 }

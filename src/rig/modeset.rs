@@ -83,11 +83,8 @@ fn ask<T: ResourceHandle>(
 fn confirm(has: &Properties, checks: &[(&'static str, u64)]) -> Result<(), RigError> {
     for &(name, value) in checks {
         if let Some((_, found)) = has.get(name).filter(|&(_, found)| found != value) {
-            return Err(RigError::Refused {
-                device: "panel",
-                found: format!("{name} reads back as {found} after it was set"),
-                allowed: format!("{name} = {value}"),
-            });
+            let found = format!("{name} reads back as {found} after it was set");
+            return Err(RigError::refused("panel", found, format!("{name} = {value}")));
         }
     }
     Ok(())

@@ -2,7 +2,11 @@
 
 use rustix::time::ClockId;
 #[cfg(feature = "hardware")]
-use rustix::time::Timespec;
+use rustix::{
+    event::{PollFd, PollFlags, poll},
+    io::Errno,
+    time::Timespec,
+};
 
 use super::{Clock, Moment};
 
@@ -40,11 +44,21 @@ pub fn processor_seconds() -> f64 {
     now.tv_sec as f64 + now.tv_nsec as f64 * 1e-9
 }
 
-/// Time until `deadline`, at least zero, for `poll`.
+/// Waits until `file` can be read or has failed, at most until `deadline`; returns what happened.
 #[cfg(feature = "hardware")]
-pub(super) fn remaining_until(deadline: Moment) -> Timespec {
-    let remaining_s = (deadline.0 - Monotonic.now().0).clamp(0.0, 3600.0);
-    Timespec { tv_sec: remaining_s as i64, tv_nsec: (remaining_s.fract() * 1e9) as i64 }
+pub(super) fn ready_by(
+    file: &impl std::os::fd::AsFd,
+    deadline: Moment,
+) -> std::io::Result<PollFlags> {
+    loop {
+        let remaining_s = (deadline.0 - Monotonic.now().0).clamp(0.0, 3600.0);
+        let (tv_sec, tv_nsec) = (remaining_s as i64, (remaining_s.fract() * 1e9) as i64);
+        let mut waiting = [PollFd::new(file, PollFlags::IN)];
+        match poll(&mut waiting, Some(&Timespec { tv_sec, tv_nsec })) {
+            Err(Errno::INTR) => {}
+            outcome => return Ok(outcome.map(|_| waiting[0].revents())?),
+        }
+    }
 }
 
 #[cfg(test)]
@@ -60,8 +74,9 @@ mod tests {
 
     #[test]
     #[cfg(feature = "hardware")]
-    fn no_time_remains_of_a_deadline_that_has_passed() {
-        let remaining = remaining_until(Moment(Monotonic.now().0 - 1.0));
-        assert_eq!((remaining.tv_sec, remaining.tv_nsec), (0, 0));
+    fn a_deadline_that_has_passed_is_not_waited_for() {
+        let (quiet, _other) = std::os::unix::net::UnixStream::pair().unwrap();
+        let passed = Moment(Monotonic.now().0 - 1.0);
+        assert!(ready_by(&quiet, passed).unwrap().is_empty());
     }
 }

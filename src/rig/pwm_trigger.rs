@@ -11,7 +11,7 @@ use std::fs;
 use std::io::{self, ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
-use super::gpio_line::refused;
+use super::device::listed;
 use super::{Clock, Moment, RigError, Trigger};
 use crate::config::{Level, PwmChannel};
 
@@ -56,13 +56,15 @@ impl PwmTrigger {
         let PwmChannel { chip: device, channel, active } = name;
         let chips = chips(root);
         let Some((_, chip)) = chips.iter().find(|(other, _)| other == device) else {
-            let devices = chips.into_iter().map(|(device, _)| device).collect();
-            return Err(refused("trigger", format!("PWM chip {device:?}"), devices));
+            let devices: Vec<String> = chips.into_iter().map(|(device, _)| device).collect();
+            let found = format!("PWM chip {device:?}");
+            return Err(RigError::refused("trigger", found, listed(&devices)));
         };
         let channels = 0..read(&chip.join("npwm"))?.parse().unwrap_or(0);
         if !channels.contains(channel) {
             let found = format!("channel {channel} of PWM chip {device:?}");
-            return Err(refused("trigger", found, channels.map(|n| n.to_string()).collect()));
+            let channels: Vec<String> = channels.map(|n| n.to_string()).collect();
+            return Err(RigError::refused("trigger", found, listed(&channels)));
         }
         let folder = chip.join(format!("pwm{channel}"));
         let polarity = if *active == Level::High { "normal" } else { "inversed" };
@@ -144,7 +146,7 @@ impl Trigger for PwmTrigger {
             if found != text {
                 let of = self.folder.display();
                 let what = format!("another program has set {of}/{attribute} to {found}; end it");
-                return Err(RigError::Held { device: "trigger", what });
+                return Err(RigError::held("trigger", what));
             }
         }
         Ok(self.clock.now())
@@ -178,10 +180,8 @@ pub(super) fn chips(root: &Path) -> Vec<(String, PathBuf)> {
 }
 
 fn read(file: &Path) -> Result<String, RigError> {
-    let text = fs::read_to_string(file).map_err(|cause| RigError::Gone {
-        device: "trigger",
-        what: format!("{} cannot be read ({cause})", file.display()),
-    })?;
+    let unread = |cause| format!("{} cannot be read ({cause})", file.display());
+    let text = fs::read_to_string(file).map_err(|c| RigError::gone("trigger", unread(c)))?;
     Ok(text.trim().to_owned())
 }
 
@@ -193,10 +193,10 @@ fn failed(file: &Path, text: &str, cause: &io::Error) -> RigError {
         ErrorKind::PermissionDenied => "files of the group gpio, as 70-relens.rules makes them",
         ErrorKind::ReadOnlyFilesystem => "a folder named by ReadWritePaths= of the service's unit",
         ErrorKind::InvalidInput => "periods and polarities of this chip, or kind = \"line\"",
-        ErrorKind::ResourceBusy => return RigError::Held { device, what },
-        _ => return RigError::Gone { device, what },
+        ErrorKind::ResourceBusy => return RigError::held(device, what),
+        _ => return RigError::gone(device, what),
     };
-    RigError::Refused { device, found, allowed: allowed.to_owned() }
+    RigError::refused(device, found, allowed)
 }
 
 #[cfg(test)]

@@ -1,11 +1,12 @@
 //! A board's camera behind a media graph, with the kernel's vimc: set-up, streaming, set-up after
 //! another program, and errors.
 
+use std::collections::BTreeMap;
 use std::process::Command;
 
-use relens::config::{ExposureBy, MediaGraph, MediaLink, PadFormat, Stamps};
+use relens::config::{ExposureBy, MediaGraph, MediaLink, PadFormat, Stamps, V4l2Device};
 use relens::frame::{Counts, Size};
-use relens::rig::camera::v4l2::{CameraName, CameraSettings, Exposure, V4l2Camera};
+use relens::rig::camera::v4l2::{CameraSettings, Exposure, V4l2Camera};
 use relens::rig::monotonic::Monotonic;
 use relens::rig::pixel_format::PixelFormat;
 use relens::rig::{Camera, Clock, Moment, RigError};
@@ -68,16 +69,24 @@ fn scaled_graph(which: &str, other: &str) -> MediaGraph {
 }
 
 fn settings(graph: MediaGraph, code: &str, size: Size) -> CameraSettings {
+    let device = V4l2Device {
+        device: None,
+        card: None,
+        media: Some(graph),
+        format: code.to_owned(),
+        stamps: Stamps::Driver,
+        buffers: 4,
+        exposure_by: ExposureBy::Elsewhere,
+        gain_step_db: None,
+        controls: BTreeMap::from([("test_pattern".to_owned(), 0)]),
+    };
     CameraSettings {
-        name: CameraName::Graph(graph),
+        device,
         size,
         format: PixelFormat::from_code(code).expect("relens takes it"),
-        buffers: 4,
         exposure: Exposure { by: ExposureBy::Elsewhere, exposure_ms: 0.0 },
         gain: None,
-        stamps: Stamps::Driver,
         free_running: true,
-        controls: vec![("test_pattern".to_owned(), 0)],
     }
 }
 
@@ -157,7 +166,7 @@ fn vimc_links_are_enabled_and_disabled() {
         drop(opened(settings(raw_graph(which, "SRGGB8_1X8"), "RGGB", Size::new(640, 480))));
         let graph = scaled_graph(which, other);
         let mut wanted = settings(graph, "RGB3", Size::new(640, 480));
-        wanted.controls = vec![("test_pattern".to_owned(), pattern)];
+        wanted.device.controls = BTreeMap::from([("test_pattern".to_owned(), pattern)]);
         let found = colours_at(&frame(&mut opened(wanted)), 320);
         let white = pattern == 6;
         assert!(found.iter().all(|level| (*level > 128.0) == white), "{which}: {found:?}");
@@ -226,7 +235,7 @@ fn vimc_errors_name_their_cause() {
     let differs = said(settings(raw_graph("A", "SRGGB8_1X8"), "BA81", size));
     holds(differs, &["no path from the sensor to \"Raw Capture 0\"", "BA81"]);
     let mut control = raw();
-    control.controls = vec![("analogue_gain".to_owned(), 1)];
+    control.device.controls = BTreeMap::from([("analogue_gain".to_owned(), 1)]);
     holds(said(control), &["control analogue_gain", "test_pattern"]);
     let held = opened(raw());
     let second = V4l2Camera::open(raw()).err();

@@ -1,8 +1,10 @@
 //! A camera with faults on request: the kernel's vivid.
 
-use relens::config::{ExposureBy, Stamps};
+use std::collections::BTreeMap;
+
+use relens::config::{ExposureBy, Stamps, V4l2Device};
 use relens::frame::Size;
-use relens::rig::camera::v4l2::{CameraName, CameraSettings, Exposure, GainControl, V4l2Camera};
+use relens::rig::camera::v4l2::{CameraSettings, Exposure, GainControl, V4l2Camera};
 use relens::rig::monotonic::Monotonic;
 use relens::rig::pixel_format::{PixelFormat, Samples};
 use relens::rig::{Camera, Clock, Moment, RigError};
@@ -11,16 +13,24 @@ use super::counted;
 
 fn vivid() -> CameraSettings {
     let card = std::env::var("RELENS_VIVID").expect("RELENS_VIVID names the card");
+    let device = V4l2Device {
+        device: None,
+        card: Some(card),
+        media: None,
+        format: "GREY".to_owned(),
+        stamps: Stamps::Driver,
+        buffers: 4,
+        exposure_by: ExposureBy::Elsewhere,
+        gain_step_db: None,
+        controls: BTreeMap::new(),
+    };
     CameraSettings {
-        name: CameraName::Card(card),
+        device,
         size: Size::new(640, 480),
         format: PixelFormat::Grey(Samples::Bytes),
-        buffers: 4,
         exposure: Exposure { by: ExposureBy::Elsewhere, exposure_ms: 0.0 },
         gain: None,
-        stamps: Stamps::Driver,
         free_running: true,
-        controls: Vec::new(),
     }
 }
 
@@ -67,10 +77,10 @@ fn control_value(title: &str) -> i64 {
 #[ignore = "needs vivid"]
 fn vivid_s_gain_is_set_for_a_photo_and_reset_on_opening() {
     let (name, value) = ("gain".to_owned(), 20);
-    let controls = vec![(name.clone(), value)];
+    let mut amplified = vivid();
+    amplified.device.controls = BTreeMap::from([(name.clone(), value)]);
     // vivid's control goes to 255.
-    let gain = Some(GainControl { name, value, step_db: 0.1 });
-    let amplified = CameraSettings { gain, controls, ..vivid() };
+    amplified.gain = Some(GainControl { name, value, step_db: 0.1 });
     let mut camera = V4l2Camera::open(amplified.clone()).unwrap_or_else(|error| panic!("{error}"));
     assert_eq!(control_value("Gain"), 20);
     let times = camera.amplify_times(4.0).expect("it is set").expect("the settings say how");

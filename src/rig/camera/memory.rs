@@ -1,15 +1,19 @@
-//! Memory of cameras for frames, and errors of cameras that are gone.
+//! Memory of cameras for frames, and errors of cameras.
 
 use crate::frame::{Counts, Plane, Size};
 use crate::rig::RigError;
 
-pub(super) fn gone(what: String) -> RigError {
-    RigError::Gone { device: "camera", what }
+pub(super) fn gone(what: impl Into<String>) -> RigError {
+    RigError::gone("camera", what)
+}
+
+pub(super) fn refused(found: impl Into<String>, allowed: impl Into<String>) -> RigError {
+    RigError::refused("camera", found, allowed)
 }
 
 /// Error of a camera between its loss and a successful reopening.
 pub(super) fn not_open() -> RigError {
-    gone("it was lost and is not open".to_owned())
+    gone("it was lost and is not open")
 }
 
 /// Memory for frames and Bayer sites, reused by captures.

@@ -25,10 +25,9 @@ pub(super) fn open(
             Ok(Box::new(genicam::GenicamCamera::open(settings)?))
         }
         #[cfg(not(feature = "genicam"))]
-        CameraDevice::Genicam(_) => Err(RigError::Refused {
-            device: "camera",
-            found: "kind = \"genicam\" in [hardware.camera]".to_owned(),
-            allowed: "\"v4l2\"; this relens was built without `--features genicam`".to_owned(),
-        }),
+        CameraDevice::Genicam(_) => Err(memory::refused(
+            "kind = \"genicam\" in [hardware.camera]",
+            "\"v4l2\"; this relens was built without `--features genicam`",
+        )),
     }
 }

@@ -182,11 +182,8 @@ impl OpticalBench {
 
     pub(super) fn show(&mut self, codes: &Codes) -> Result<Flip, RigError> {
         if codes.size() != self.panel.size() {
-            return Err(RigError::Refused {
-                device: "panel",
-                found: format!("a picture of {}", codes.size()),
-                allowed: format!("{}", self.panel.size()),
-            });
+            let found = format!("a picture of {}", codes.size());
+            return Err(RigError::refused("panel", found, self.panel.size().to_string()));
         }
         let vblank = (self.now_s * self.panel.refresh_hz).floor() as u64 + 1;
         let flip_s = vblank as f64 / self.panel.refresh_hz;
@@ -209,20 +206,18 @@ impl OpticalBench {
     }
 
     pub(super) fn reopen(&mut self) -> Result<(), RigError> {
-        match self.away_until_s {
-            Some(until) if self.now_s < until => Err(gone("not there yet")),
-            _ => {
-                self.away_until_s = None;
-                self.fired_s.clear();
-                self.last = None;
-                Ok(())
-            }
+        if self.away_until_s.is_some_and(|until_s| self.now_s < until_s) {
+            return Err(RigError::gone("camera", "not there yet"));
         }
+        self.away_until_s = None;
+        self.fired_s.clear();
+        self.last = None;
+        Ok(())
     }
 
     pub(super) fn frame(&mut self, deadline: Moment) -> Result<Exposed, RigError> {
         if self.away_until_s.is_some() {
-            return Err(gone("it was unplugged"));
+            return Err(RigError::gone("camera", "it was unplugged"));
         }
         let began_s = self.fired_s.front().copied().unwrap_or(self.now_s);
         let no_frame = RigError::NoFrame { waited_ms: (deadline.0 - began_s) * 1000.0 };
@@ -239,7 +234,7 @@ impl OpticalBench {
         let fault = faults::draw(&self.faults, self.seed, number);
         if fault == Fault::Unplugged {
             self.unplug();
-            return Err(gone("it was unplugged"));
+            return Err(RigError::gone("camera", "it was unplugged"));
         }
         if ready_s > deadline.0 || fault == Fault::Missing {
             self.sequence = self.sequence.wrapping_add(1);
@@ -392,10 +387,6 @@ impl OpticalBench {
         }
         seen
     }
-}
-
-fn gone(what: &str) -> RigError {
-    RigError::Gone { device: "camera", what: what.to_owned() }
 }
 
 /// Code of a uniform plane.

@@ -6,7 +6,7 @@ use super::bench::OpticalBench;
 use crate::frame::{Codes, Size};
 use crate::rig::{Camera, Clock, Exposed, Flip, Moment, Panel, RigError, Trigger};
 
-/// The bench shared by devices and witness.
+/// The bench shared by devices and witness: panel, trigger, camera and clock.
 #[derive(Clone)]
 pub(super) struct Shared(Arc<Mutex<OpticalBench>>);
 
@@ -21,64 +21,52 @@ impl Shared {
     }
 }
 
-/// Simulated display.
-pub(super) struct SimulatedPanel(pub(super) Shared);
-
-impl Panel for SimulatedPanel {
+impl Panel for Shared {
     fn size(&self) -> Size {
-        self.0.bench().panel.size()
+        self.bench().panel.size()
     }
 
     fn show(&mut self, codes: &Codes) -> Result<Flip, RigError> {
-        self.0.bench().show(codes)
+        self.bench().show(codes)
     }
 }
 
-/// Simulated trigger.
-pub(super) struct SimulatedTrigger(pub(super) Shared);
-
-impl Trigger for SimulatedTrigger {
+impl Trigger for Shared {
     fn fire(&mut self) -> Result<Moment, RigError> {
-        Ok(self.0.bench().fire())
+        Ok(self.bench().fire())
     }
 }
 
-/// Simulated camera.
-pub(super) struct SimulatedCamera(pub(super) Shared);
-
-impl Camera for SimulatedCamera {
+impl Camera for Shared {
     fn size(&self) -> Size {
-        self.0.bench().camera.size()
+        self.bench().camera.size()
     }
 
     fn frame(&mut self, deadline: Moment) -> Result<Exposed, RigError> {
-        self.0.bench().frame(deadline)
+        self.bench().frame(deadline)
     }
 
     fn expose_times(&mut self, times: f64) -> Result<bool, RigError> {
-        self.0.bench().expose_times(times);
+        self.bench().expose_times(times);
         Ok(true)
     }
 
     fn amplify_times(&mut self, times: f64) -> Result<Option<f64>, RigError> {
-        self.0.bench().amplify_times(times);
+        self.bench().amplify_times(times);
         Ok(Some(times))
     }
 
     fn reopen(&mut self) -> Result<(), RigError> {
-        self.0.bench().reopen()
+        self.bench().reopen()
     }
 }
 
-/// Simulated clock, advanced by waiting.
-pub(super) struct SimulatedClock(pub(super) Shared);
-
-impl Clock for SimulatedClock {
+impl Clock for Shared {
     fn now(&self) -> Moment {
-        self.0.bench().now()
+        self.bench().now()
     }
 
     fn wait_until(&self, moment: Moment) {
-        self.0.bench().wait_until(moment);
+        self.bench().wait_until(moment);
     }
 }

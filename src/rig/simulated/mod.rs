@@ -32,7 +32,7 @@ pub use witness::Witness;
 use std::sync::Arc;
 
 use self::bench::OpticalBench;
-use self::devices::{Shared, SimulatedCamera, SimulatedClock, SimulatedPanel, SimulatedTrigger};
+use self::devices::Shared;
 use self::optics::Optics;
 use super::RigError;
 use super::binned::binned;
@@ -45,11 +45,8 @@ use crate::config;
 /// [`RigError::Refused`] if `rig` is not simulated or its prescription is no usable lens.
 pub fn open(rig: &config::RigFile) -> Result<(Devices, Witness), RigError> {
     let Some(simulation) = rig.simulation() else {
-        return Err(RigError::Refused {
-            device: "simulated rig",
-            found: format!("the rig `{}` of real devices", rig.name),
-            allowed: "a simulated one".to_owned(),
-        });
+        let found = format!("the rig `{}` of real devices", rig.name);
+        return Err(RigError::refused("simulated rig", found, "a simulated one"));
     };
     let (binning, rig) = (rig.camera.binning, &rig.unbinned());
     let optics = Arc::new(Optics::new(simulation, rig.camera.size(), rig.photo_on_sensor())?);
@@ -58,10 +55,10 @@ pub fn open(rig: &config::RigFile) -> Result<(Devices, Witness), RigError> {
     optics.prepare();
     let shared = Shared::new(OpticalBench::new(rig, simulation, Arc::clone(&optics), &map));
     let devices = Devices::new(
-        Box::new(SimulatedPanel(shared.clone())),
-        Box::new(SimulatedTrigger(shared.clone())),
-        binned(Box::new(SimulatedCamera(shared.clone())), binning, rig.camera.count_max()),
-        Box::new(SimulatedClock(shared.clone())),
+        Box::new(shared.clone()),
+        Box::new(shared.clone()),
+        binned(Box::new(shared.clone()), binning, rig.camera.count_max()),
+        Box::new(shared.clone()),
         Timing::of(&rig.panel, &rig.camera),
     );
     let witness = Witness {

@@ -123,10 +123,7 @@ pub(super) struct Optics {
 }
 
 impl Optics {
-    /// Traces the lens for a `sensor` with the photo at `photo`.
-    ///
-    /// # Errors
-    /// When the prescription is no usable lens.
+    /// Traces the lens for a `sensor` with the photo at `photo`. Fails without a real image.
     pub(super) fn new(
         simulation: &Simulation,
         sensor: Size,

@@ -18,12 +18,11 @@ const RAYS: usize = 20_000;
 /// Traced field heights; spots in between are interpolated.
 const HEIGHTS: usize = 33;
 
-/// Spot of an object height in one channel: arrivals of rays relative to the centroid.
+/// Spot of an object height in one channel.
 #[derive(Debug, Clone)]
 struct Spot {
-    across_mm: Vec<f32>,
-    out_mm: Vec<f32>,
-    light: Vec<f32>,
+    /// Arrivals of rays across and outwards from the centroid, in mm, and their light.
+    rays: Vec<[f32; 3]>,
     /// Centroid, absolute, in mm from the axis.
     centroid_mm: f64,
     /// Total light, relative to an unclipped spot on the axis.
@@ -170,11 +169,10 @@ impl Fan {
         let (cosine, sine) = ((cosine / self.pitch_mm) as f32, (sine / self.pitch_mm) as f32);
         let (t, shift) = (t as f32, (a.centroid_mm - origin) as f32);
         let drift = (b.centroid_mm - a.centroid_mm) as f32;
-        (0..a.light.len()).map(move |i| {
-            // Interpolation between two traced heights of rays stored about their centroid.
-            let across = a.across_mm[i] + t * (b.across_mm[i] - a.across_mm[i]);
-            let out = a.out_mm[i] + t * (b.out_mm[i] - a.out_mm[i]) + shift + t * drift;
-            let light = a.light[i] + t * (b.light[i] - a.light[i]);
+        a.rays.iter().zip(&b.rays).map(move |(a, b)| {
+            // Interpolation between two traced heights.
+            let [across, out, light] = [0, 1, 2].map(|k| a[k] + t * (b[k] - a[k]));
+            let out = out + shift + t * drift;
             ([out * cosine - across * sine, out * sine + across * cosine], light)
         })
     }
@@ -226,16 +224,9 @@ impl Fan {
 fn spot(lens: &Focused, object_mm: f64, wavelengths: &[crate::config::Wavelength]) -> Spot {
     let count = RAYS / wavelengths.len();
     let golden = PI * (3.0 - 5f64.sqrt());
-    let rays = count * wavelengths.len();
-    let mut spot = Spot {
-        across_mm: Vec::with_capacity(rays),
-        out_mm: Vec::with_capacity(rays),
-        light: Vec::with_capacity(rays),
-        centroid_mm: 0.0,
-        total: 0.0,
-    };
     let weights: f64 = wavelengths.iter().map(|w| w.1).sum();
-    let mut arrivals = Vec::with_capacity(rays);
+    let (mut centroid_mm, mut total) = (0.0, 0.0);
+    let mut arrivals = Vec::with_capacity(count * wavelengths.len());
     for wavelength in wavelengths {
         let indices = lens.lens.indices(wavelength.0);
         for n in 0..count {
@@ -246,16 +237,13 @@ fn spot(lens: &Focused, object_mm: f64, wavelengths: &[crate::config::Wavelength
             let (across, out, light) =
                 arrival.map_or((0.0, 0.0, 0.0), |a| (a.across_mm, a.out_mm, a.light));
             let light = light * wavelength.1 / weights / count as f64;
-            spot.centroid_mm += light * out;
-            spot.total += light;
-            arrivals.push((across, out, light));
+            centroid_mm += light * out;
+            total += light;
+            arrivals.push([across, out, light]);
         }
     }
-    spot.centroid_mm /= spot.total;
-    for (across, out, light) in arrivals {
-        spot.across_mm.push(across as f32);
-        spot.out_mm.push((out - spot.centroid_mm) as f32);
-        spot.light.push(light as f32);
-    }
-    spot
+    centroid_mm /= total;
+    let about =
+        |[across, out, light]: [f64; 3]| [across, out - centroid_mm, light].map(|v| v as f32);
+    Spot { rays: arrivals.into_iter().map(about).collect(), centroid_mm, total }
 }

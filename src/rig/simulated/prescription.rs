@@ -31,15 +31,12 @@ pub(super) struct Arrival {
 
 impl Focused {
     /// Focuses at the prescription's focus distance by the smallest RMS spot on the axis in
-    /// `wavelengths`; the object is the panel.
-    ///
-    /// # Errors
-    /// When a glass is unknown or there is no real image.
+    /// `wavelengths`; the object is the panel. Fails without a real image.
     pub(super) fn new(
         prescription: &Prescription,
         wavelengths: &[Wavelength],
     ) -> Result<Focused, RigError> {
-        let lens = TracedLens::new(prescription)?;
+        let lens = TracedLens::new(prescription);
         let pupil = square_pupil(FOCUS_CELLS);
         let from = [0.0, 0.0, prescription.focus_distance_mm.map_or(lens.object_z, |mm| -mm)];
         // The spot's variance is a parabola in z: Σ|a + u·z|², centred by symmetry.
@@ -50,10 +47,8 @@ impl Focused {
                 let to = [px * lens.stop_radius, py * lens.stop_radius, lens.stop_z];
                 let Some(traced) = lens.trace(Ray::between(from, to), &indices) else { continue };
                 let [x, y] = traced.ray.on_plane(0.0);
-                let u = [
-                    traced.ray.along[0] / traced.ray.along[2],
-                    traced.ray.along[1] / traced.ray.along[2],
-                ];
+                let along = traced.ray.along;
+                let u = [along[0] / along[2], along[1] / along[2]];
                 au += wavelength.1 * (x * u[0] + y * u[1]);
                 uu += wavelength.1 * (u[0] * u[0] + u[1] * u[1]);
             }
@@ -61,11 +56,9 @@ impl Focused {
         let image_z = -au / uu;
         let last_z = lens.surfaces.last().map_or(0.0, |surface| surface.vertex_z);
         if !image_z.is_finite() || image_z <= last_z {
-            return Err(RigError::Refused {
-                device: "simulated lens",
-                found: format!("a focus at z = {image_z:.1} mm"),
-                allowed: "a real image behind the last surface".to_owned(),
-            });
+            let found = format!("a focus at z = {image_z:.1} mm");
+            let allowed = "a real image behind the last surface";
+            return Err(RigError::refused("simulated lens", found, allowed));
         }
         Ok(Focused { lens, image_z })
     }

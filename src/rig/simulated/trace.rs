@@ -1,8 +1,7 @@
 //! Sequential ray tracing through spherical surfaces, in millimetres, with light towards +z.
 
 use super::glass;
-use crate::config::Prescription;
-use crate::rig::RigError;
+use crate::config::{Glass, Prescription};
 
 /// A point and a direction (unit vector).
 #[derive(Debug, Clone, Copy)]
@@ -33,7 +32,7 @@ pub(super) struct RefractingSurface {
     /// 0 for a flat surface.
     curvature: f64,
     clear_radius: f64,
-    glass: String,
+    glass: Glass,
 }
 
 /// A lens ready for tracing. z = 0 is the first refracting vertex.
@@ -56,46 +55,35 @@ pub(super) struct Traced {
 
 impl TracedLens {
     /// Places the surfaces along the axis.
-    ///
-    /// # Errors
-    /// When a glass is unknown.
-    pub(super) fn new(prescription: &Prescription) -> Result<TracedLens, RigError> {
+    pub(super) fn new(prescription: &Prescription) -> TracedLens {
         let mut z = 0.0;
         let mut surfaces = Vec::new();
         for written in &prescription.surfaces {
-            if glass::index(&written.glass, 550.0).is_none() {
-                return Err(RigError::Refused {
-                    device: "simulated lens",
-                    found: format!("glass `{}`", written.glass),
-                    allowed: glass::names(),
-                });
-            }
             surfaces.push(RefractingSurface {
                 vertex_z: z,
                 curvature: 1.0 / written.radius_mm,
                 clear_radius: written.clear_diameter_mm / 2.0,
-                glass: written.glass.clone(),
+                glass: written.glass,
             });
             z += written.thickness_mm;
         }
-        let first = surfaces.iter().position(|s| s.glass != "air").unwrap_or(0);
+        let first = surfaces.iter().position(|s| s.glass != Glass::Air).unwrap_or(0);
         let origin = surfaces[first].vertex_z;
         for surface in &mut surfaces {
             surface.vertex_z -= origin;
         }
-        Ok(TracedLens {
+        TracedLens {
             stop_z: surfaces[prescription.stop_at_surface].vertex_z,
             stop_radius: prescription.stop_diameter_mm / 2.0,
             object_z: -prescription.object_distance_mm,
             surfaces,
             first,
-        })
+        }
     }
 
     /// Refractive indices behind each surface at one wavelength.
     pub(super) fn indices(&self, wavelength_nm: f64) -> Vec<f64> {
-        // Names were checked by `new`.
-        self.surfaces.iter().map(|s| glass::index(&s.glass, wavelength_nm).unwrap_or(1.0)).collect()
+        self.surfaces.iter().map(|surface| glass::index(surface.glass, wavelength_nm)).collect()
     }
 
     /// Effective focal length by a paraxial y–u trace of a ray parallel to the axis.

@@ -73,13 +73,6 @@ impl Witness {
         self.shared.bench().scene = light;
     }
 
-    /// Optics of this rig with its lens changed.
-    fn optics_of(&self, change: impl FnOnce(&mut Prescription)) -> Result<Optics, RigError> {
-        let mut simulation = self.simulation.clone();
-        change(&mut simulation.lens.prescription);
-        Optics::new(&simulation, self.optics.sensor, self.optics.photo)
-    }
-
     /// K·L: `scene` (canvas-sized, linear light, black outside) through the lens, in the light of
     /// the panel's primaries or of a scene, without noise, dark corners, panel pixels or mixing.
     /// Reference of the operator error.
@@ -209,12 +202,7 @@ impl Witness {
     /// # Errors
     /// When the lens has no real image at this focus.
     pub fn refocus(&mut self, distance_mm: f64) -> Result<(), RigError> {
-        let focus = |lens: &mut Prescription| lens.focus_distance_mm = Some(distance_mm);
-        self.optics = Arc::new(self.optics_of(focus)?);
-        focus(&mut self.simulation.lens.prescription);
-        self.optics.prepare();
-        self.place_panel();
-        Ok(())
+        self.change_lens(self.pose.clone(), |lens| lens.focus_distance_mm = Some(distance_mm))
     }
 
     /// Moves the panel by (`x_px`, `y_px`) sensor pixels to the right and down.
@@ -229,14 +217,23 @@ impl Witness {
     /// # Errors
     /// When the lens has no real image at its focus.
     pub fn move_panel(&mut self, pose: Pose, distance_mm: f64) -> Result<(), RigError> {
-        let place = |lens: &mut Prescription| {
+        self.change_lens(pose, |lens| {
             lens.focus_distance_mm.get_or_insert(lens.object_distance_mm);
             lens.object_distance_mm = distance_mm;
-        };
-        self.optics = Arc::new(self.optics_of(place)?);
-        place(&mut self.simulation.lens.prescription);
+        })
+    }
+
+    /// Changes the lens, with the panel in `pose`.
+    fn change_lens(
+        &mut self,
+        pose: Pose,
+        change: impl FnOnce(&mut Prescription),
+    ) -> Result<(), RigError> {
+        let mut simulation = self.simulation.clone();
+        change(&mut simulation.lens.prescription);
+        self.optics = Arc::new(Optics::new(&simulation, self.optics.sensor, self.optics.photo)?);
+        (self.simulation, self.pose) = (simulation, pose);
         self.optics.prepare();
-        self.pose = pose;
         self.place_panel();
         Ok(())
     }

@@ -10,7 +10,7 @@ use crate::Failure;
 use crate::change::{NO_NOISE, NOTHING, lens, simulation};
 use relens::chart::scenes::Scene;
 use relens::chart::table::Table;
-use relens::config::{LensSurface, Prescription, RigFile};
+use relens::config::{Glass, LensSurface, Prescription, RigFile};
 use relens::deconvolution::lens_model::LensModel;
 use relens::frame::Channel;
 use relens::pipeline::hybrid;
@@ -48,14 +48,14 @@ const LENSES: [Singlet; 3] = [
 impl Singlet {
     fn put_into(&self, lens: &mut Prescription) {
         let rim_mm = lens.surfaces.first().map_or(50.0, |s| s.clear_diameter_mm);
-        let surface = |radius_mm, thickness_mm, glass: &str| LensSurface {
+        let surface = |radius_mm, thickness_mm, glass| LensSurface {
             radius_mm,
             thickness_mm,
-            glass: glass.to_owned(),
+            glass,
             clear_diameter_mm: rim_mm,
         };
         let [front, back] = self.radii_mm;
-        lens.surfaces = vec![surface(front, 9.0, "N-BK7"), surface(back, 70.0, "air")];
+        lens.surfaces = vec![surface(front, 9.0, Glass::NBk7), surface(back, 70.0, Glass::Air)];
         lens.stop_at_surface = 0;
         lens.stop_diameter_mm = self.stop_diameter_mm;
     }

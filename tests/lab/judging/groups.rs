@@ -2,7 +2,7 @@
 //! other. They share no scene, rig, lens or seed.
 
 use relens::chart::scenes::Scene;
-use relens::config::RigFile;
+use relens::config::{Glass, RigFile};
 use relens::frame::Mosaic;
 
 use crate::Failure;
@@ -73,24 +73,25 @@ const RATES: [GroupRig; 3] = [
 /// A lens of 75 mm: radii by the thin lens maker's formula for its glass, and its stop.
 struct Singlet {
     radii_mm: [f64; 2],
-    glass: &'static str,
+    glass: Glass,
     stop_diameter_mm: f64,
 }
 
 const PLANO: Singlet =
-    Singlet { radii_mm: [38.76, f64::INFINITY], glass: "N-BK7", stop_diameter_mm: 16.7 };
+    Singlet { radii_mm: [38.76, f64::INFINITY], glass: Glass::NBk7, stop_diameter_mm: 16.7 };
 const MENISCUS: Singlet =
-    Singlet { radii_mm: [27.93, 100.0], glass: "N-BK7", stop_diameter_mm: 13.4 };
+    Singlet { radii_mm: [27.93, 100.0], glass: Glass::NBk7, stop_diameter_mm: 13.4 };
 const SILICA: Singlet =
-    Singlet { radii_mm: [68.77, -68.77], glass: "fused-silica", stop_diameter_mm: 17.0 };
-const FLINT: Singlet = Singlet { radii_mm: [62.0, -155.0], glass: "F2", stop_diameter_mm: 15.0 };
+    Singlet { radii_mm: [68.77, -68.77], glass: Glass::FusedSilica, stop_diameter_mm: 17.0 };
+const FLINT: Singlet =
+    Singlet { radii_mm: [62.0, -155.0], glass: Glass::F2, stop_diameter_mm: 15.0 };
 
 /// Replaces the lens behind the rim of the barrel.
 fn singlet(rig: &mut RigFile, of: Singlet) {
     lens(rig, |lens| {
         let [.., front, back] = lens.surfaces.as_mut_slice() else { return };
         (front.radius_mm, back.radius_mm) = (of.radii_mm[0], of.radii_mm[1]);
-        front.glass = of.glass.to_owned();
+        front.glass = of.glass;
         lens.stop_diameter_mm = of.stop_diameter_mm;
     });
 }

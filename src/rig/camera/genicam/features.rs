@@ -6,9 +6,10 @@ use aravis::glib::prelude::*;
 use aravis::prelude::*;
 use aravis::{Device, GcAccessMode, GcBoolean, GcEnumeration, GcFloat, GcInteger};
 
-use super::finding::{failed, refused};
+use super::finding::failed;
 use crate::config::FeatureValue;
 use crate::rig::RigError;
+use crate::rig::camera::memory::refused;
 
 /// Adjustments switched off: the word `Off` of an enumeration, false, or the least number. By SFNC,
 /// then by FLIR, Basler, Daheng, Hikrobot, Allied Vision and The Imaging Source (feature lists of
@@ -155,15 +156,14 @@ pub(super) fn hold(device: &Device, name: &str, value: &FeatureValue) -> Result<
         Ok(found) if is_held(&found, value) => Ok(()),
         Ok(found) => Err(refused(
             format!("{name} = {}, which reads back as {}", written(value), written(&found)),
-            &allowed(device, name),
+            allowed(device, name),
         )),
-        Err(error) => match failed(&error, "set a feature") {
-            RigError::Failed { source, .. } => Err(refused(
-                format!("{name} = {} ({source})", written(value)),
-                &allowed(device, name),
-            )),
-            other => Err(other),
-        },
+        Err(error) => Err(match failed(&error, "set a feature") {
+            RigError::Failed { source, .. } => {
+                refused(format!("{name} = {} ({source})", written(value)), allowed(device, name))
+            }
+            other => other,
+        }),
     }
 }
 

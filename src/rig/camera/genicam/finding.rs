@@ -12,7 +12,8 @@ use aravis_sys as sys;
 use super::usb::refuse_forbidden;
 use crate::config::GenicamDevice;
 use crate::rig::RigError;
-use crate::rig::camera::memory::gone;
+use crate::rig::camera::memory::{gone, refused};
+use crate::rig::device::listed;
 
 /// A camera that answers.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -77,8 +78,7 @@ pub(super) fn choose(all: Vec<Found>, wanted: &GenicamDevice) -> Result<Found, R
         (None, _) => {
             refuse_forbidden(Path::new("/"))?;
             let names = others.iter().map(|one| format!("{:?} {:?}", one.vendor, one.model));
-            let names = names.collect::<Vec<_>>().join(", ");
-            let there = if names.is_empty() { "none".to_owned() } else { names };
+            let there = listed(&names.collect::<Vec<_>>());
             Err(gone(format!("no USB3 or GigE Vision camera is called {wanted}; there: {there}")))
         }
     }
@@ -92,15 +92,11 @@ pub fn describe(text: &mut impl Write) -> std::fmt::Result {
     Ok(())
 }
 
-pub(super) fn refused(found: String, allowed: &str) -> RigError {
-    RigError::Refused { device: "camera", found, allowed: allowed.to_owned() }
-}
-
 /// Error of a call to the camera.
 pub(super) fn failed(error: &glib::Error, doing: &'static str) -> RigError {
     let what = error.message().to_owned();
     match error.kind::<DeviceError>() {
-        Some(DeviceError::NotController) => RigError::Held { device: "camera", what },
+        Some(DeviceError::NotController) => RigError::held("camera", what),
         Some(DeviceError::NotConnected | DeviceError::NotFound | DeviceError::Timeout) => {
             gone(what)
         }

@@ -15,10 +15,10 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use aravis::prelude::*;
 use aravis::{Buffer, BufferPayloadType, BufferStatus, Device, Stream};
 pub use finding::describe;
-use finding::{choose, failed, list, refused};
+use finding::{choose, failed, list};
 
-use super::memory::{FrameMemory, gone, not_open};
-use crate::config::{CameraTable, ExposureBy, FeatureValue, GenicamDevice};
+use super::memory::{FrameMemory, gone, not_open, refused};
+use crate::config::{CameraTable, ExposureBy, FeatureValue, GenicamDevice, Stamps};
 use crate::frame::{Counts, Size};
 use crate::rig::monotonic::Monotonic;
 use crate::rig::pixel_format::PixelFormat;
@@ -52,21 +52,18 @@ impl GenicamSettings {
         let format = PixelFormat::from_code_and_bits(&device.format, bits)
             .filter(|format| format.has_whole_rows(size.width));
         let Some(format) = format else {
+            let (code, width) = (&device.format, size.width);
             return Err(refused(
                 format!(
-                    "hardware.camera.format = {:?} with camera.bits = {bits} and rows of {} pixels",
-                    device.format, size.width
+                    "hardware.camera.format = {code:?} with camera.bits = {bits} and rows of \
+                     {width} pixels"
                 ),
                 "Mono, BayerBG, BayerGB, BayerGR or BayerRG with 8, 10, 12, 16, 10p, 12p, 10Packed \
                  or 12Packed, RGB8, BGR8; packed ones with whole bytes in a row",
             ));
         };
-        Ok(GenicamSettings {
-            device: device.clone(),
-            size,
-            format,
-            exposure_ms: camera.exposure_ms,
-        })
+        let (device, exposure_ms) = (device.clone(), camera.exposure_ms);
+        Ok(GenicamSettings { device, size, format, exposure_ms })
     }
 }
 
@@ -133,9 +130,8 @@ impl GenicamCamera {
         let padding = usize::try_from(buffer.image_padding().0).unwrap_or_default();
         let mut counts = self.memory.take();
         let stride_bytes = format.row_bytes(size.width) + padding;
-        let outcome =
-            format.unpack(&buffer.image_data(), stride_bytes, &mut counts, &mut self.memory.sites);
-        match outcome {
+        let (bytes, sites) = (buffer.image_data(), &mut self.memory.sites);
+        match format.unpack(&bytes, stride_bytes, &mut counts, sites) {
             Ok(()) => Ok(counts),
             Err(bad) => {
                 self.give_back(counts);
@@ -158,10 +154,7 @@ impl GenicamCamera {
         };
         match clock::stamped_s(&open.device, buffer) {
             Some(stamp_s) => earliest_start(device.stamps, &by, stamp_s),
-            None => {
-                let first_packet = crate::config::Stamps::FirstPacket;
-                earliest_start(first_packet, &by, clock::arrived_s(buffer))
-            }
+            None => earliest_start(Stamps::FirstPacket, &by, clock::arrived_s(buffer)),
         }
     }
 }
@@ -195,11 +188,11 @@ impl Camera for GenicamCamera {
                 None => {}
             }
             if open.is_lost.load(Ordering::Acquire) {
-                return Err(gone("it no longer answers".to_owned()));
+                return Err(gone("it no longer answers"));
             }
             if Monotonic.now() >= deadline {
                 // A camera without frames may be gone without a word.
-                open.camera.payload().map_err(|error| gone(error.message().to_owned()))?;
+                open.camera.payload().map_err(|error| gone(error.message()))?;
                 self.open = Some(open);
                 return Err(RigError::NoFrame { waited_ms: (Monotonic.now().0 - began.0) * 1e3 });
             }
@@ -240,9 +233,6 @@ impl Camera for GenicamCamera {
 }
 
 /// Sets `times` the exposure, which a pulse does by itself; returns false if that is set elsewhere.
-///
-/// # Errors
-/// [`RigError::Refused`] if there is no such feature or it does not hold its value.
 fn expose(device: &Device, settings: &GenicamSettings, times: f64) -> Result<bool, RigError> {
     if settings.device.exposure_by != ExposureBy::Control {
         return Ok(settings.device.exposure_by == ExposureBy::Pulse);
@@ -251,7 +241,7 @@ fn expose(device: &Device, settings: &GenicamSettings, times: f64) -> Result<boo
     match features::hold_any(device, &["ExposureTime", "ExposureTimeAbs"], exposure_us)? {
         true => Ok(true),
         false => Err(refused(
-            "exposure-by = \"control\" with a camera without ExposureTime".to_owned(),
+            "exposure-by = \"control\" with a camera without ExposureTime",
             "\"pulse\" or \"elsewhere\"",
         )),
     }
@@ -260,7 +250,7 @@ fn expose(device: &Device, settings: &GenicamSettings, times: f64) -> Result<boo
 fn start(settings: &GenicamSettings) -> Result<Open, RigError> {
     let found = choose(list(), &settings.device)?;
     let camera = aravis::Camera::new(Some(&found.id)).map_err(|e| failed(&e, "open"))?;
-    let device = camera.device().ok_or_else(|| gone("it has no description".to_owned()))?;
+    let device = camera.device().ok_or_else(|| gone("it has no description"))?;
     // Another program may have ended without stopping it.
     let _ = camera.stop_acquisition();
     configure(&device, settings)?;
@@ -297,7 +287,7 @@ fn configure(device: &Device, settings: &GenicamSettings) -> Result<(), RigError
     let has_mode = features::hold_any(device, &["ExposureMode"], mode)?;
     if is_pulse && !has_mode {
         return Err(refused(
-            "exposure-by = \"pulse\" with a camera without ExposureMode".to_owned(),
+            "exposure-by = \"pulse\" with a camera without ExposureMode",
             "\"control\"",
         ));
     }

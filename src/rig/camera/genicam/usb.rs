@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 
 use rustix::fs::Access;
 
-use super::finding::refused;
 use crate::rig::RigError;
+use crate::rig::camera::memory::refused;
 
 /// Fails if there is a USB3 Vision camera (class ef, subclass 05 of the interface; USB3 Vision 1.0)
 /// that this user may not open, under the file system `root`.
@@ -48,11 +48,9 @@ pub(super) fn check_memory(
     let granted_mb = read_to_string(root.join("sys/module/usbcore/parameters/usbfs_memory_mb"));
     let needed_mb = (buffers * frame_bytes).div_ceil(1 << 20);
     match granted_mb.unwrap_or_default().trim().parse::<usize>() {
-        Ok(granted) if granted != 0 && granted < needed_mb => Err(refused(
+        Ok(mb) if mb != 0 && mb < needed_mb => Err(refused(
+            format!("usbfs_memory_mb = {mb} of the kernel, with frames of {frame_bytes} bytes"),
             format!(
-                "usbfs_memory_mb = {granted} of the kernel, with frames of {frame_bytes} bytes"
-            ),
-            &format!(
                 "{needed_mb} or more: usbcore.usbfs_memory_mb={} on the kernel's command line",
                 needed_mb.next_power_of_two().max(128)
             ),

@@ -1,8 +1,14 @@
 //! Camera controls: automatic adjustments and processing off, exposure set, everything read back.
 
+use std::collections::BTreeMap;
+
+use rustix::io::Errno;
+
 use super::finding::busy_or;
 use super::kernel::{Control, Node};
+use super::request::is;
 use crate::config::ExposureBy;
+use crate::rig::camera::memory::refused;
 use crate::rig::monotonic::Monotonic;
 use crate::rig::{Clock, Moment, RigError};
 
@@ -105,11 +111,10 @@ impl Held {
 }
 
 /// Adjustments without a control among `has`; a `wanted` one of the adjustment's name suffices.
-fn uncontrolled(has: &[Control], wanted: &[(String, i32)]) -> Vec<&'static str> {
+fn uncontrolled(has: &[Control], wanted: &BTreeMap<String, i32>) -> Vec<&'static str> {
     let is_there = |name: &str| has.iter().any(|control| control.name == name && control.settable);
     let lacks = |names: &[(&str, Held)]| !names.iter().any(|(name, _)| is_there(name));
-    let is_wanted = |what: &str| wanted.iter().any(|(name, _)| name == what);
-    let lacking = STEADY.iter().filter(|(what, names)| lacks(names) && !is_wanted(what));
+    let lacking = STEADY.iter().filter(|(what, names)| lacks(names) && !wanted.contains_key(*what));
     lacking.map(|(what, _)| *what).collect()
 }
 
@@ -129,12 +134,12 @@ const ORIENTATION: [&str; 6] = [
 const CONTROLS_MAX_S: f64 = 10.0;
 
 /// Waits for the `wanted` controls; one that is still missing is an error of [`settle_controls`].
-pub(super) fn await_controls(node: &Node, wanted: &[(String, i32)]) {
+pub(super) fn await_controls(node: &Node, wanted: &BTreeMap<String, i32>) {
     let end_s = Monotonic.now().0 + CONTROLS_MAX_S;
     loop {
         let has = node.controls();
         let now_s = Monotonic.now().0;
-        if now_s > end_s || wanted.iter().all(|(name, _)| named(&has, name).is_ok()) {
+        if now_s > end_s || wanted.keys().all(|name| named(&has, name).is_ok()) {
             return;
         }
         Monotonic.wait_until(Moment(now_s + 0.2));
@@ -142,12 +147,14 @@ pub(super) fn await_controls(node: &Node, wanted: &[(String, i32)]) {
 }
 
 /// Holds the [`ORIENTATION`] controls at 0, or at the values that `wanted` states.
-pub(super) fn settle_orientation(node: &Node, wanted: &[(String, i32)]) -> Result<(), RigError> {
+pub(super) fn settle_orientation(
+    node: &Node,
+    wanted: &BTreeMap<String, i32>,
+) -> Result<(), RigError> {
     let has = node.controls();
     for name in ORIENTATION {
         let Ok(control) = named(&has, name) else { continue };
-        let stated = wanted.iter().find(|(one, _)| one == name);
-        let value = stated.map_or(0, |(_, value)| *value);
+        let value = wanted.get(name).copied().unwrap_or(0);
         // While it streams, a sensor refuses even an equal value.
         if node.control(control.id).ok() != Some(value) {
             hold(node, control, value)?;
@@ -164,7 +171,7 @@ pub(super) fn settle_orientation(node: &Node, wanted: &[(String, i32)]) -> Resul
 pub(super) fn settle_controls(
     node: &Node,
     exposure: &Exposure,
-    wanted: &[(String, i32)],
+    wanted: &BTreeMap<String, i32>,
 ) -> Result<Vec<&'static str>, RigError> {
     let has = node.controls();
     for (name, held) in STEADY.iter().flat_map(|(_, names)| *names) {
@@ -181,9 +188,6 @@ pub(super) fn settle_controls(
 
 /// Sets `times` the `exposure`, which a pulse does by itself; returns false if that is set
 /// elsewhere.
-///
-/// # Errors
-/// [`RigError::Refused`] if the control is missing or does not hold its value.
 pub(super) fn expose(
     node: &Node,
     has: &[Control],
@@ -203,9 +207,6 @@ pub(super) fn expose(
 }
 
 /// Sets `gain` to `times` the rig file's.
-///
-/// # Errors
-/// [`RigError::Refused`] if the control is missing or does not hold its value.
 pub(super) fn amplify(
     node: &Node,
     has: &[Control],
@@ -226,52 +227,37 @@ pub(super) fn needs_longer_interval(node: &Node, exposure: &Exposure, times: f64
 /// to fit. A triggered camera may have none.
 fn fit_interval(node: &Node, exposure_ms: f64) {
     let exposure_s = exposure_ms / 1000.0;
-    match node.frame_interval_s() {
-        Ok(Some(found)) if found < exposure_s => {
-            let set = node.set_frame_interval_s(exposure_s).ok().flatten();
-            if set.is_none_or(|set| set < exposure_s) {
-                log::warn!(
-                    "the camera takes a frame every {:.1} ms and refuses another interval; an \
-                     exposure of {exposure_ms} ms may be cut short",
-                    1000.0 * set.unwrap_or(found)
-                );
-            }
+    let Ok(Some(found)) = node.frame_interval_s() else { return };
+    if found < exposure_s {
+        let set = node.set_frame_interval_s(exposure_s).ok().flatten();
+        if set.is_none_or(|set| set < exposure_s) {
+            log::warn!(
+                "the camera takes a frame every {:.1} ms and refuses another interval; an \
+                 exposure of {exposure_ms} ms may be cut short",
+                1000.0 * set.unwrap_or(found)
+            );
         }
-        _ => {}
     }
 }
 
 fn named<'a>(has: &'a [Control], name: &str) -> Result<&'a Control, RigError> {
-    has.iter().find(|control| control.name == name && control.settable).ok_or_else(|| {
-        RigError::Refused {
-            device: "camera",
-            found: format!("control {name}"),
-            allowed: has
-                .iter()
-                .filter(|c| c.settable)
-                .map(|c| c.name.as_str())
-                .collect::<Vec<_>>()
-                .join(", "),
-        }
+    let settable = has.iter().filter(|control| control.settable);
+    settable.clone().find(|control| control.name == name).ok_or_else(|| {
+        let names = settable.map(|control| control.name.as_str()).collect::<Vec<_>>();
+        refused(format!("control {name}"), names.join(", "))
     })
 }
 
 fn hold(node: &Node, control: &Control, value: i32) -> Result<(), RigError> {
-    let outcome = node.set_control(control.id, value).and_then(|()| node.control(control.id));
-    match outcome {
-        Ok(found) if found == value => Ok(()),
-        Err(cause) if rustix::io::Errno::from_io_error(&cause) == Some(rustix::io::Errno::BUSY) => {
-            Err(busy_or(cause, "set a control"))
-        }
-        outcome => Err(RigError::Refused {
-            device: "camera",
-            found: match outcome {
-                Ok(found) => format!("{} = {value}, which reads back as {found}", control.name),
-                Err(cause) => format!("{} = {value} ({cause})", control.name),
-            },
-            allowed: format!("{} to {}", control.minimum, control.maximum),
-        }),
-    }
+    let Control { id, name, minimum, maximum, .. } = control;
+    let outcome = node.set_control(*id, value).and_then(|()| node.control(*id));
+    let found = match outcome {
+        Ok(found) if found == value => return Ok(()),
+        Err(cause) if is(&cause, Errno::BUSY) => return Err(busy_or(cause, "set a control")),
+        Ok(found) => format!("{name} = {value}, which reads back as {found}"),
+        Err(cause) => format!("{name} = {value} ({cause})"),
+    };
+    Err(refused(found, format!("{minimum} to {maximum}")))
 }
 
 #[cfg(test)]
@@ -294,10 +280,10 @@ mod tests {
     #[test]
     fn adjustments_without_a_control_are_named() {
         let has = [control("auto_exposure", 0, 3, 3), control("gamma", 72, 500, 100)];
-        let missing = uncontrolled(&has, &[]);
+        let missing = uncontrolled(&has, &BTreeMap::new());
         assert!(missing.contains(&"hue") && missing.contains(&"white balance"), "{missing:?}");
         assert!(!missing.contains(&"gamma") && !missing.contains(&"exposure"), "{missing:?}");
-        let of_rig_file = uncontrolled(&has, &[("gain".to_owned(), 0)]);
+        let of_rig_file = uncontrolled(&has, &BTreeMap::from([("gain".to_owned(), 0)]));
         assert!(missing.contains(&"gain") && !of_rig_file.contains(&"gain"), "{of_rig_file:?}");
     }
 }

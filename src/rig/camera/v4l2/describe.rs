@@ -3,24 +3,17 @@
 
 use std::fmt::{Result, Write};
 
-use super::finding::root;
+use super::finding::nodes;
 use super::kernel::Node;
 use super::media;
-
-/// Video nodes described.
-const NODES_MAX: usize = 64;
 
 /// Writes graphs, formats and controls of all cameras to `text`.
 pub fn describe(text: &mut impl Write) -> Result {
     media::describe(text)?;
-    for number in 0..NODES_MAX {
-        let path = root().join(format!("dev/video{number}"));
-        let Ok(node) = Node::open(&path) else { continue };
+    for (name, node) in nodes() {
         let Ok(identity) = node.identity() else { continue };
-        writeln!(text, "video{number}: {:?} of {}", identity.card, identity.driver)?;
-        let formats = node.formats();
-        let formats = formats.iter().map(|code| String::from_utf8_lossy(code));
-        writeln!(text, "  formats {}", formats.collect::<Vec<_>>().join(" "))?;
+        writeln!(text, "{name}: {:?} of {}", identity.card, identity.driver)?;
+        writeln!(text, "  formats {}", node.formats().join(" "))?;
         describe_controls(&node, text)?;
     }
     Ok(())

@@ -18,7 +18,7 @@ use v4l::v4l_sys as sys;
 use super::request::{
     self, EnumerateFormats, FrameTiming, GetControl, GetTiming, MappedBuffer, PictureFormat,
     QueryBuffer, QueryCapability, QueryControl, QueueBuffer, RequestBuffers, SetControl, SetFormat,
-    SetTiming, TakeBuffer, buffers_wanted, call, format_description, zeroed,
+    SetTiming, TakeBuffer, buffers_wanted, call, format_description, is, zeroed,
 };
 
 /// An open video node.
@@ -109,14 +109,14 @@ impl Node {
     }
 
     /// Four-character codes of the driver's formats.
-    pub(super) fn formats(&self) -> Vec<[u8; 4]> {
+    pub(super) fn formats(&self) -> Vec<String> {
         let mut all = Vec::new();
         loop {
             let mut entry = format_description(all.len() as u32);
             if call::<EnumerateFormats>(self, &mut entry).is_err() {
                 return all;
             }
-            all.push(entry.pixelformat.to_le_bytes());
+            all.push(String::from_utf8_lossy(&entry.pixelformat.to_le_bytes()).into_owned());
         }
     }
 
@@ -161,7 +161,7 @@ impl Node {
         let mut last = 0;
         loop {
             let next = self.described(last | sys::V4L2_CTRL_FLAG_NEXT_CTRL);
-            if next.as_ref().is_err_and(|end| Errno::from_io_error(end) == Some(Errno::INVAL)) {
+            if next.as_ref().is_err_and(|end| is(end, Errno::INVAL)) {
                 return all;
             }
             let mut later = STANDARD_CONTROLS.into_iter().flatten().filter(|&id| id > last);

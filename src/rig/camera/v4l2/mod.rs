@@ -17,14 +17,14 @@ use controls::{
     amplify, await_controls, expose, needs_longer_interval, settle_controls, settle_orientation,
 };
 pub use describe::describe;
-pub use finding::CameraName;
 use finding::{busy_or, by_card, by_link};
 use kernel::{Node, Settled};
+use request::is;
 use ring::Ring;
 use rustix::io::Errno;
 
-use super::memory::{FrameMemory, gone, not_open};
-use crate::config::{CameraTable, Stamps, TriggerDevice, V4l2Device};
+use super::memory::{FrameMemory, gone, not_open, refused};
+use crate::config::{CameraTable, MediaGraph, TriggerDevice, V4l2Device};
 use crate::frame::{Counts, Size};
 use crate::picture::worker::Worker;
 use crate::rig::monotonic::Monotonic;
@@ -35,24 +35,18 @@ use crate::rig::{Camera, Clock, Exposed, Moment, RigError};
 /// Name and settings of a camera.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CameraSettings {
-    /// Name of the camera.
-    pub name: CameraName,
+    /// Keys of the rig file; exactly one of `device`, `card` and `media` is given.
+    pub device: V4l2Device,
     /// Exact size of a frame.
     pub size: Size,
     /// Layout of a frame.
     pub format: PixelFormat,
-    /// Buffers of the ring.
-    pub buffers: usize,
     /// Control of the exposure time.
     pub exposure: Exposure,
     /// Control of the gain, if the rig file names it.
     pub gain: Option<GainControl>,
-    /// Event that time stamps refer to.
-    pub stamps: Stamps,
     /// Whether the camera runs free.
     pub free_running: bool,
-    /// Controls by their `v4l2-ctl` names, with their values.
-    pub controls: Vec<(String, i32)>,
 }
 
 impl CameraSettings {
@@ -68,39 +62,30 @@ impl CameraSettings {
     ) -> Result<Self, RigError> {
         let bits = camera.bits;
         let format = PixelFormat::from_code_and_bits(&device.format, bits).ok_or_else(|| {
-            let fits = |code: &str| PixelFormat::from_code_and_bits(code, bits).is_some();
-            let allowed = PixelFormat::ALL.iter().filter(|(code, _)| fits(code));
-            RigError::Refused {
-                device: "camera",
-                found: format!(
-                    "hardware.camera.format = {:?} with camera.bits = {}",
-                    device.format, bits
-                ),
-                allowed: allowed.map(|(code, _)| *code).collect::<Vec<_>>().join(", "),
-            }
+            let fits = |code: &&str| PixelFormat::from_code_and_bits(code, bits).is_some();
+            let allowed = PixelFormat::ALL.iter().map(|(code, _)| *code).filter(fits);
+            let code = &device.format;
+            let found = format!("hardware.camera.format = {code:?} with camera.bits = {bits}");
+            refused(found, allowed.collect::<Vec<_>>().join(", "))
         })?;
-        // A validated rig file names exactly one of the three.
-        let name = match (&device.device, &device.card, &device.media) {
-            (Some(link), ..) => CameraName::Link(link.clone()),
-            (_, _, Some(graph)) => CameraName::Graph(graph.clone()),
-            (None, card, None) => CameraName::Card(card.clone().unwrap_or_default()),
-        };
         Ok(CameraSettings {
-            name,
+            device: device.clone(),
             size: camera.size(),
             format,
-            buffers: device.buffers,
             exposure: Exposure { by: device.exposure_by, exposure_ms: camera.exposure_ms },
             gain: device.gain_step_db.and_then(|step_db| {
                 let held = |name: &&str| Some((name.to_string(), *device.controls.get(*name)?));
                 let (name, value) = GainControl::NAMES.iter().find_map(held)?;
                 Some(GainControl { name, value, step_db })
             }),
-            stamps: device.stamps,
             // Pulses of a PWM channel are not on request, either.
             free_running: !matches!(trigger, TriggerDevice::Line(_)),
-            controls: device.controls.iter().map(|(name, v)| (name.clone(), *v)).collect(),
         })
+    }
+
+    /// Format and size in messages.
+    fn picture(&self) -> String {
+        format!("{} of {}", self.format.code(), self.size)
     }
 }
 
@@ -174,10 +159,9 @@ impl Camera for V4l2Camera {
                     // A frame damaged on the cable may crash its decoder only.
                     PixelFormat::Jpeg => decode(&mut self.decoder, bytes, &mut counts),
                     format => {
-                        let stride_bytes = self.opened.stride_bytes;
-                        format
-                            .unpack(bytes, stride_bytes, &mut counts, &mut self.memory.sites)
-                            .is_ok()
+                        let (stride_bytes, sites) =
+                            (self.opened.stride_bytes, &mut self.memory.sites);
+                        format.unpack(bytes, stride_bytes, &mut counts, sites).is_ok()
                     }
                 };
             let stamp = filled.at_s.unwrap_or_else(|| Monotonic.now().0);
@@ -187,7 +171,7 @@ impl Camera for V4l2Camera {
                 exposure_s: self.settings.exposure.exposure_ms * self.exposure_times / 1e3,
                 interval_s: self.opened.interval_s,
             };
-            let at = earliest_start(self.settings.stamps, &by, stamp);
+            let at = earliest_start(self.settings.device.stamps, &by, stamp);
             let sequence = filled.sequence;
             if let Err(cause) = ring.give_back(filled) {
                 self.ring = None;
@@ -248,16 +232,11 @@ impl Camera for V4l2Camera {
 
 /// Decodes a JPEG into `counts`; returns false, with a warning, if it is damaged.
 fn decode(decoder: &mut Worker, bytes: &[u8], counts: &mut Counts) -> bool {
-    match decoder.frame(bytes, counts.size()) {
-        Ok(decoded) => {
-            *counts = decoded;
-            true
-        }
-        Err(bad) => {
-            log::warn!("skipped a frame: {bad}");
-            false
-        }
-    }
+    let decoded = decoder.frame(bytes, counts.size());
+    decoded
+        .map(|decoded| *counts = decoded)
+        .inspect_err(|bad| log::warn!("skipped a frame: {bad}"))
+        .is_ok()
 }
 
 /// Frame interval of a free-running camera at `times` the exposure; the exposure if its driver does
@@ -269,23 +248,23 @@ fn interval(node: &Node, settings: &CameraSettings, times: f64) -> Option<f64> {
 }
 
 fn start(settings: &CameraSettings) -> Result<(Ring, Opened), RigError> {
-    let (node, sensor) = match &settings.name {
-        CameraName::Graph(graph) => {
-            starts::check(graph)?;
-            let media::SetUp { capture, sensor } =
-                media::set_up(graph, settings.size, &settings.controls)?;
-            (capture, sensor)
-        }
-        CameraName::Link(path) => (by_link(path)?, None),
-        CameraName::Card(card) => (by_card(card)?, None),
+    let V4l2Device { device, card, media: graph, controls, buffers, .. } = &settings.device;
+    let (node, sensor) = if let Some(graph) = graph {
+        starts::check(graph)?;
+        let media::SetUp { capture, sensor } = media::set_up(graph, settings.size, controls)?;
+        (capture, sensor)
+    } else {
+        let node = match device {
+            Some(path) => by_link(path)?,
+            None => by_card(card.as_deref().unwrap_or_default())?,
+        };
+        await_controls(&node, controls);
+        settle_orientation(&node, controls)?;
+        (node, None)
     };
-    if !matches!(settings.name, CameraName::Graph(_)) {
-        await_controls(&node, &settings.controls);
-        settle_orientation(&node, &settings.controls)?;
-    }
     let settled = settle_format(&node, settings)?;
     let controlled = sensor.as_ref().unwrap_or(&node);
-    let missing = settle_controls(controlled, &settings.exposure, &settings.controls)?;
+    let missing = settle_controls(controlled, &settings.exposure, controls)?;
     // A board's sensor delivers unprocessed counts.
     if sensor.is_none() && !missing.is_empty() {
         log::warn!(
@@ -300,9 +279,9 @@ fn start(settings: &CameraSettings) -> Result<(Ring, Opened), RigError> {
         interval_s: interval(&node, settings, 1.0),
     };
     let frame_bytes = settings.format.frame_bytes(settings.size, opened.stride_bytes);
-    let started = Ring::start(node, settings.buffers, frame_bytes);
+    let started = Ring::start(node, *buffers, frame_bytes);
     let ring = started.map_err(|source| start_failed(settings, source))?;
-    if let CameraName::Graph(graph) = &settings.name {
+    if let Some(graph) = graph {
         starts::record(graph, true);
     }
     Ok((ring, opened))
@@ -310,23 +289,14 @@ fn start(settings: &CameraSettings) -> Result<(Ring, Opened), RigError> {
 
 /// Error of a stream that did not start.
 fn start_failed(settings: &CameraSettings, source: std::io::Error) -> RigError {
-    let is = |error| Errno::from_io_error(&source) == Some(error);
-    let is_pipe = is(Errno::PIPE);
-    match &settings.name {
+    let picture = settings.picture();
+    match &settings.device.media {
         // EPIPE: the pads of a link differ, or there is no link.
-        CameraName::Graph(graph) if is_pipe => RigError::Refused {
-            device: "camera",
-            found: format!(
-                "media graph: no path from the sensor to {:?} with matching pads",
-                graph.capture
-            ),
-            allowed: format!(
-                "enabled links along the path, and the format of {} of {} at every pad",
-                settings.format.code(),
-                settings.size
-            ),
-        },
-        CameraName::Graph(graph) => {
+        Some(MediaGraph { capture, .. }) if is(&source, Errno::PIPE) => refused(
+            format!("media graph: no path from the sensor to {capture:?} with matching pads"),
+            format!("enabled links along the path, and the format of {picture} at every pad"),
+        ),
+        Some(graph) => {
             let failure = busy_or(source, "start the stream");
             if matches!(failure, RigError::Failed { .. }) {
                 starts::record(graph, false);
@@ -334,16 +304,11 @@ fn start_failed(settings: &CameraSettings, source: std::io::Error) -> RigError {
             starts::check(graph).err().unwrap_or(failure)
         }
         // The error of a full disk, from usbcore's count of bandwidth.
-        _ if is(Errno::NOSPC) => RigError::Refused {
-            device: "camera",
-            found: format!(
-                "{} of {}, for which the USB bus has no room",
-                settings.format.code(),
-                settings.size
-            ),
-            allowed: "a fast socket of its own, without a hub or another camera".to_owned(),
-        },
-        _ => busy_or(source, "start the stream"),
+        None if is(&source, Errno::NOSPC) => refused(
+            format!("{picture}, for which the USB bus has no room"),
+            "a fast socket of its own, without a hub or another camera",
+        ),
+        None => busy_or(source, "start the stream"),
     }
 }
 
@@ -356,18 +321,12 @@ fn settle_format(node: &Node, settings: &CameraSettings) -> Result<Settled, RigE
     if same && !(settings.format.has_range() && settled.full_range) {
         return Ok(settled);
     }
-    let formats: Vec<String> =
-        node.formats().iter().map(|code| String::from_utf8_lossy(code).into_owned()).collect();
-    Err(RigError::Refused {
-        device: "camera",
-        found: format!("{} of {}", settings.format.code(), settings.size),
-        allowed: format!(
-            "what the driver offers instead ({} of {}×{}{}); it lists {}",
-            String::from_utf8_lossy(&settled.fourcc),
-            settled.width,
-            settled.height,
-            if settled.full_range { ", full range" } else { "" },
-            formats.join(", "),
-        ),
-    })
+    let Settled { width, height, fourcc, full_range, .. } = settled;
+    let (code, range) =
+        (String::from_utf8_lossy(&fourcc), if full_range { ", full range" } else { "" });
+    let allowed = format!(
+        "what the driver offers instead ({code} of {width}×{height}{range}); it lists {}",
+        node.formats().join(", "),
+    );
+    Err(refused(settings.picture(), allowed))
 }

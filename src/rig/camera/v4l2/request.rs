@@ -8,6 +8,7 @@ use std::os::fd::{AsFd, AsRawFd};
 
 #[cfg(test)]
 pub(super) use super::tests::kernel::ioctl;
+use rustix::io::Errno;
 use v4l::v4l_sys as sys;
 #[cfg(not(test))]
 pub(super) use v4l::v4l2::ioctl;
@@ -88,6 +89,11 @@ pub(super) fn call<R: Request>(node: &impl AsFd, argument: &mut R::Argument) -> 
             outcome => return outcome,
         }
     }
+}
+
+/// Whether `error` is the kernel's `errno`.
+pub(super) fn is(error: &io::Error, errno: Errno) -> bool {
+    Errno::from_io_error(error) == Some(errno)
 }
 
 pub(super) fn zeroed<T: Zeroable>() -> T {
@@ -182,7 +188,7 @@ mod tests {
     fn refused<R: Request>(mut argument: R::Argument) -> bool {
         let null = std::fs::File::open("/dev/null").unwrap();
         let error = call::<R>(&null, &mut argument).unwrap_err();
-        rustix::io::Errno::from_io_error(&error) == Some(rustix::io::Errno::NOTTY)
+        is(&error, Errno::NOTTY)
     }
 
     #[test]

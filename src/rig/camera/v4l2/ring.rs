@@ -5,10 +5,10 @@
 
 use std::io;
 
-use rustix::event::{PollFd, PollFlags, poll};
+use rustix::event::PollFlags;
 
 use super::kernel::{Buffer, Filled, Node};
-use crate::rig::monotonic::{Monotonic, remaining_until};
+use crate::rig::monotonic::{Monotonic, ready_by};
 use crate::rig::{Clock, Moment};
 
 /// Capacity of a ring.
@@ -48,18 +48,15 @@ impl Ring {
     /// Waits for the next filled buffer; `None` at the deadline.
     pub(super) fn next(&mut self, deadline: Moment) -> io::Result<Option<Filled>> {
         loop {
-            let mut waiting = [PollFd::new(&self.node, PollFlags::IN)];
-            match poll(&mut waiting, Some(&remaining_until(deadline))) {
-                Ok(0) => return Ok(None),
-                Ok(_) => {}
-                Err(rustix::io::Errno::INTR) => continue,
-                Err(cause) => return Err(cause.into()),
+            let events = ready_by(&self.node, deadline)?;
+            if events.is_empty() {
+                return Ok(None);
             }
             match self.node.take() {
                 Ok(filled) => return Ok(Some(filled)),
                 // After an error event `poll` reports readiness, but no buffer is filled.
                 Err(cause) if cause.kind() == io::ErrorKind::WouldBlock => {
-                    if waiting[0].revents().intersects(PollFlags::ERR | PollFlags::HUP) {
+                    if events.intersects(PollFlags::ERR | PollFlags::HUP) {
                         return Err(rustix::io::Errno::NODEV.into());
                     }
                     if Monotonic.now() >= deadline {

@@ -6,6 +6,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use crate::config::MediaGraph;
 use crate::rig::RigError;
+use crate::rig::camera::memory::refused;
 
 /// Failed starts after which the sensor is not started again until the program restarts.
 const FAILURES_MAX: usize = 2;
@@ -30,13 +31,11 @@ pub(super) fn check(graph: &MediaGraph) -> Result<(), RigError> {
     if failures < FAILURES_MAX {
         return Ok(());
     }
-    Err(RigError::Refused {
-        device: "camera",
-        found: format!("{:?}, which failed to start {failures} times", name(graph)),
-        allowed: "a sensor that starts: switch the board off, press the ribbon into both sockets, \
-                  and switch the board on"
-            .to_owned(),
-    })
+    Err(refused(
+        format!("{:?}, which failed to start {failures} times", name(graph)),
+        "a sensor that starts: switch the board off, press the ribbon into both sockets, and \
+         switch the board on",
+    ))
 }
 
 pub(super) fn record(graph: &MediaGraph, has_started: bool) {

@@ -4,6 +4,7 @@ use super::super::kernel::text;
 use super::kernel::{ENABLED, IMMUTABLE, Objects};
 use crate::config::entity_and_pad;
 use crate::rig::RigError;
+use crate::rig::camera::memory;
 
 /// A node of the graph between sensor and memory.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -47,8 +48,8 @@ pub(super) struct Graph {
 }
 
 /// Error about the rig file's media graph.
-pub(super) fn refused(found: String, allowed: String) -> RigError {
-    RigError::Refused { device: "camera", found: format!("media graph: {found}"), allowed }
+pub(super) fn refused(found: String, allowed: impl Into<String>) -> RigError {
+    memory::refused(format!("media graph: {found}"), allowed)
 }
 
 impl Graph {
@@ -65,26 +66,16 @@ impl Graph {
             Some(PadPlace { entity: pad.entity, pad: pad.index })
         };
         let entities = objects.entities.iter();
-        Graph {
-            entities: entities
-                .map(|e| Entity { id: e.id, name: text(&e.name), node: node(e.id) })
-                .collect(),
-            ways: objects
-                .links
-                .iter()
-                .filter(|link| link.is_of_pads())
-                .filter_map(|link| {
-                    let (from, to) = (pad(link.source)?, pad(link.sink)?);
-                    Some(Way { from, to, flags: link.flags })
-                })
-                .collect(),
-        }
+        let entities = entities.map(|e| Entity { id: e.id, name: text(&e.name), node: node(e.id) });
+        let links = objects.links.iter().filter(|link| link.is_of_pads());
+        let ways = links.filter_map(|link| {
+            let (from, to) = (pad(link.source)?, pad(link.sink)?);
+            Some(Way { from, to, flags: link.flags })
+        });
+        Graph { entities: entities.collect(), ways: ways.collect() }
     }
 
     /// The entity `name`, with or without its bus address.
-    ///
-    /// # Errors
-    /// With the existing entities, if none or several match.
     pub(super) fn entity(&self, name: &str) -> Result<&Entity, RigError> {
         if let Some(entity) = self.entities.iter().find(|entity| entity.name == name) {
             return Ok(entity);
@@ -93,18 +84,17 @@ impl Graph {
             let (before, address) = entity.name.rsplit_once(' ').unwrap_or(("", ""));
             before == name && address.contains('-')
         };
+        let quoted = |entity: &Entity| format!("{:?}", entity.name);
         let alike: Vec<&Entity> = self.entities.iter().filter(up_to_its_address).collect();
         match alike[..] {
             [only] => Ok(only),
             [] => {
-                let names = self.entities.iter().map(|entity| format!("{:?}", entity.name));
-                let there = names.collect::<Vec<_>>().join(", ");
-                Err(refused(format!("no entity {name:?}"), there))
+                let there: Vec<String> = self.entities.iter().map(quoted).collect();
+                Err(refused(format!("no entity {name:?}"), there.join(", ")))
             }
             _ => {
-                let names = alike.iter().map(|entity| format!("{:?}", entity.name));
-                let there = names.collect::<Vec<_>>().join(" or ");
-                Err(refused(format!("{} entities {name:?}", alike.len()), there))
+                let there: Vec<String> = alike.iter().copied().map(quoted).collect();
+                Err(refused(format!("{} entities {name:?}", alike.len()), there.join(" or ")))
             }
         }
     }
@@ -112,14 +102,11 @@ impl Graph {
     /// Parses a pad of a rig file.
     pub(super) fn pad(&self, text: &str) -> Result<(&Entity, u32), RigError> {
         let (name, pad) = entity_and_pad(text)
-            .ok_or_else(|| refused(format!("pad {text:?}"), "an entity, : and a number".into()))?;
+            .ok_or_else(|| refused(format!("pad {text:?}"), "an entity, : and a number"))?;
         Ok((self.entity(name)?, pad))
     }
 
     /// The link between two pads of a rig file.
-    ///
-    /// # Errors
-    /// With the links of both entities, if there is none between them.
     pub(super) fn way(&self, from: &str, to: &str) -> Result<Way, RigError> {
         let place = |(entity, pad): (&Entity, u32)| PadPlace { entity: entity.id, pad };
         let (source, sink) = (place(self.pad(from)?), place(self.pad(to)?));

@@ -7,10 +7,11 @@ use std::os::fd::{AsFd, AsRawFd, BorrowedFd, OwnedFd};
 use std::path::Path;
 
 use rustix::fs::{Mode, OFlags};
+use rustix::io::Errno;
 use v4l::v4l2::vidioc;
 
 use super::super::kernel::text;
-use super::super::request::{Request, Zeroable, call, ioctl, zeroed};
+use super::super::request::{Request, Zeroable, call, ioctl, is, zeroed};
 
 /// Limit of entities, pads, links or interfaces: far more than on any board. Guess.
 const OBJECTS_MAX: u32 = 4096;
@@ -155,9 +156,7 @@ impl MediaDevice {
                     return Ok(objects);
                 }
                 // The graph has grown meanwhile.
-                Err(cause)
-                    if rustix::io::Errno::from_io_error(&cause)
-                        == Some(rustix::io::Errno::NOSPC) => {}
+                Err(cause) if is(&cause, Errno::NOSPC) => {}
                 Err(cause) => return Err(cause),
             }
         }
@@ -256,8 +255,7 @@ mod tests {
             pad_format(&null, 0).err().unwrap(),
             set_pad_format(&null, wish(0, (640, 480), 0x3001, None)).err().unwrap(),
         ] {
-            let errno = rustix::io::Errno::from_io_error(&error);
-            assert_eq!(errno, Some(rustix::io::Errno::NOTTY));
+            assert!(is(&error, Errno::NOTTY), "{error}");
         }
     }
 }

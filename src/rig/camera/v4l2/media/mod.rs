@@ -4,17 +4,21 @@
 mod graph;
 mod kernel;
 
+use std::collections::BTreeMap;
 use std::fmt::Write;
 
 use rustix::fs::readlink;
+use rustix::io::Errno;
 
 use self::graph::{Entity, Graph, Way, refused};
 use self::kernel::{ENABLED, MediaDevice, PadSetting, link_end, pad_format, set_pad_format, wish};
 use super::controls::settle_orientation;
 use super::describe::describe_controls;
-use super::finding::{busy_or, root};
+use super::finding::{self, busy_or, root};
 use super::kernel::Node;
+use super::request::is;
 use crate::rig::camera::memory::gone;
+use crate::rig::device::listed;
 
 use crate::config::{MediaGraph, MediaLink, PadFormat, bus_format, bus_format_name};
 use crate::frame::Size;
@@ -42,7 +46,7 @@ pub(super) struct SetUp {
 pub(super) fn set_up(
     wanted: &MediaGraph,
     size: Size,
-    controls: &[(String, i32)],
+    controls: &BTreeMap<String, i32>,
 ) -> Result<SetUp, RigError> {
     let (device, graph) = find(wanted)?;
     set_links(&device, &graph, &wanted.link)?;
@@ -65,7 +69,7 @@ pub(super) fn set_up(
         Ok(identity) if identity.streams_pictures => Ok(SetUp { capture: node, sensor }),
         _ => Err(refused(
             format!("{:?} takes no pictures", capture.name),
-            "the entity of a capture node".to_owned(),
+            "the entity of a capture node",
         )),
     }
 }
@@ -85,19 +89,17 @@ fn set_links(device: &MediaDevice, graph: &Graph, wanted: &[MediaLink]) -> Resul
     for (way, on) in all.into_iter().filter(|(way, on)| way.is_on() != *on) {
         let refusal = |cause: &str| {
             let state = if on { "enabled" } else { "disabled" };
-            refused(format!("link from {} {state}", graph.spelled(&way)), cause.to_owned())
+            refused(format!("link from {} {state}", graph.spelled(&way)), cause)
         };
         if way.is_fixed() {
             return Err(refusal("no change, since the link is immutable"));
         }
         let [from, to] = [way.from, way.to].map(|end| link_end(end.entity, end.pad));
         let flags = (way.flags & !ENABLED) | if on { ENABLED } else { 0 };
-        device.set_link(from, to, flags).map_err(
-            |source| match rustix::io::Errno::from_io_error(&source) {
-                Some(rustix::io::Errno::BUSY) => busy_or(source, "set a link of its media graph"),
-                _ => refusal(&format!("other links (the driver reports: {source})")),
-            },
-        )?;
+        device.set_link(from, to, flags).map_err(|source| match is(&source, Errno::BUSY) {
+            true => busy_or(source, "set a link of its media graph"),
+            false => refusal(&format!("other links (the driver reports: {source})")),
+        })?;
     }
     Ok(())
 }
@@ -158,14 +160,14 @@ fn find(wanted: &MediaGraph) -> Result<(MediaDevice, Graph), RigError> {
             Ok(()) if found.is_some() => {
                 return Err(refused(
                     format!("two media devices of {driver:?} with these entities"),
-                    "one; name the sensor with its bus address".to_owned(),
+                    "one; name the sensor with its bus address",
                 ));
             }
             Ok(()) => found = Some((device, graph)),
             Err(missing) => refusal = refusal.or(Some(missing)),
         }
     }
-    let there = if others.is_empty() { "none".to_owned() } else { others.join(", ") };
+    let there = listed(&others);
     let none = || gone(format!("no media device of driver {:?}; there: {there}", wanted.driver));
     found.ok_or_else(|| refusal.unwrap_or_else(none))
 }
@@ -180,10 +182,10 @@ fn open(entity: &Entity) -> Result<Node, RigError> {
     let path = path.ok_or_else(|| {
         refused(
             format!("{:?} has no device node", entity.name),
-            "an entity with one (`media-ctl --print-topology`)".to_owned(),
+            "an entity with one (`media-ctl --print-topology`)",
         )
     })?;
-    Node::open(&path).map_err(|cause| gone(format!("{}: {cause}", path.display())))
+    finding::open(&path)
 }
 
 /// Sets the format of a pad, with the colours of the pad `before` it.
@@ -196,13 +198,10 @@ fn settle_pad(
     let (entity, pad) = graph.pad(&format.pad)?;
     let code = bus_format(&format.code).unwrap_or_default();
     let wanted = wish(pad, (size.width as u32, size.height as u32), code, before);
-    let settled = set_pad_format(&open(entity)?, wanted).map_err(|source| {
-        match rustix::io::Errno::from_io_error(&source) {
-            Some(rustix::io::Errno::INVAL) => {
-                refused(format!("{} at {}", format.code, format.pad), "another pad".to_owned())
-            }
-            _ => busy_or(source, "take a format in its media graph"),
-        }
+    let settled = set_pad_format(&open(entity)?, wanted);
+    let settled = settled.map_err(|source| match is(&source, Errno::INVAL) {
+        true => refused(format!("{} at {}", format.code, format.pad), "another pad"),
+        false => busy_or(source, "take a format in its media graph"),
     })?;
     compare(format, size, &settled)?;
     Ok(settled)

@@ -19,16 +19,25 @@ fn cheap() -> CameraSettings {
 
 /// A USB camera of 32 × 8 pixels on this thread's kernel.
 fn usb(controls: &[(&str, i32)]) -> CameraSettings {
+    let by = config::ExposureBy::Control;
+    let device = V4l2Device {
+        device: Some(root().join("dev/video0")),
+        card: None,
+        media: None,
+        format: "GREY".to_owned(),
+        stamps: config::Stamps::Driver,
+        buffers: 4,
+        exposure_by: by,
+        gain_step_db: None,
+        controls: controls.iter().map(|(name, value)| ((*name).to_owned(), *value)).collect(),
+    };
     CameraSettings {
-        name: CameraName::Link(root().join("dev/video0")),
+        device,
         size: Size::new(32, 8),
         format: PixelFormat::from_code("GREY").expect("a format"),
-        buffers: 4,
-        exposure: Exposure { by: config::ExposureBy::Control, exposure_ms: 20.0 },
+        exposure: Exposure { by, exposure_ms: 20.0 },
         gain: None,
-        stamps: Stamps::Driver,
         free_running: true,
-        controls: controls.iter().map(|(name, value)| ((*name).to_owned(), *value)).collect(),
     }
 }
 
@@ -114,7 +123,7 @@ fn a_sensor_that_fails_to_start_twice_is_not_started_again() {
         DriverRules { failing_starts: 9, sensor: "imx477 10-001a", ..DriverRules::default() };
     FakeKernel::install(rules, 1456 * 1088 * 2);
     let mut settings = cheap();
-    let CameraName::Graph(graph) = &mut settings.name else { panic!("it has a graph") };
+    let graph = settings.device.media.as_mut().expect("it has a graph");
     graph.sensor = Some("imx477".to_owned());
     graph.format[0].pad = "imx477:0".to_owned();
     let open = || V4l2Camera::open(settings.clone()).err().expect("it does not start");
