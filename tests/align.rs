@@ -33,7 +33,7 @@ fn misaligned() -> RigFile {
         simulation.pose.shift_y_px = -17.0;
         simulation.pose.tilt_y_deg = -9.0;
         simulation.pose.sensor_px_per_panel_px = 0.66;
-        let lens = &mut simulation.lens.prescription;
+        let lens = &mut simulation.lens;
         lens.object_distance_mm = 5200.0;
         lens.focus_distance_mm = Some(2900.0);
     }

@@ -73,7 +73,9 @@ fn dioptres(word: &str) -> Result<f32, String> {
 /// When the rig cannot be opened or calibrated; the old calibration stays.
 pub(super) fn run(options: &CalibrateOptions) -> Result<(), CliError> {
     let rig = &config::load(&options.rig.rig)?;
-    rig.warnings().iter().for_each(|warning| log::warn!("{warning}"));
+    if let Some(warning) = rig.warning() {
+        log::warn!("{warning}");
+    }
     let _alone = Folders::lock(&options.folder.folder)?;
     let kept = opening::calibration_folder(&options.folder.folder);
     if options.forget_focuses {

@@ -69,7 +69,7 @@ impl CheckLines {
 
 /// Checks the devices and the calibration of `rig`.
 fn examine(options: &CheckOptions, rig: &RigFile, found: &mut CheckLines) -> Result<(), CliError> {
-    let mut faults = rig.warnings();
+    let mut faults = Vec::from_iter(rig.warning());
     if let Kind::Hardware(hardware) = &rig.kind {
         faults.extend(board::edid_fault(Path::new("/"), &hardware.panel.connector));
     }

@@ -90,7 +90,12 @@ table! {
     /// `[camera]`.
     pub struct V4l2Device {
         /// Stable link of udev, under /dev/v4l/by-id or by-path.
-        device: Option<PathBuf>, Text, Says("`card` or `media` is required");
+        device: Option<PathBuf>,
+            Such("a link under /dev/v4l/by-id or by-path, since numbers change on replugging",
+                |value| value.as_str().is_some_and(|path| {
+                    let number = path.strip_prefix("/dev/video");
+                    number.is_none_or(|number| number.parse::<u32>().is_err())
+                })), Says("`card` or `media` is required");
         /// Card name as printed by `v4l2-ctl --info`.
         card: Option<String>, Text, Says("`device` or `media` is required");
         /// Media graph of a board's camera.
@@ -180,13 +185,9 @@ impl GenicamDevice {
         places: &Places,
         trigger: &TriggerDevice,
     ) -> Result<(), ConfigError> {
-        let named = [&self.vendor, &self.model, &self.serial].into_iter().flatten().count();
-        places.hold(
-            named > 0,
-            "hardware.camera",
-            "neither vendor nor model nor serial",
-            "one or more of them",
-        )?;
+        let is_named = [&self.vendor, &self.model, &self.serial].into_iter().any(Option::is_some);
+        let found = "neither vendor nor model nor serial";
+        places.hold(is_named, "hardware.camera", found, "one or more of them")?;
         let triggered = !matches!(trigger, TriggerDevice::FreeRunning(_));
         places.hold(
             triggered == self.trigger_source.is_some(),
@@ -211,21 +212,10 @@ impl Hardware {
 impl V4l2Device {
     /// Checks the rules across keys.
     pub(super) fn check(&self, places: &Places) -> Result<(), ConfigError> {
-        let one_of = |found| Err(places.broken("hardware.camera", found, "one of them"));
-        match (&self.device, &self.card, &self.media) {
-            (Some(path), None, None) => {
-                let numbered = path.to_str().and_then(|text| text.strip_prefix("/dev/video"));
-                let stable = numbered.is_none_or(|rest| rest.parse::<u32>().is_err());
-                let allowed =
-                    "a link under /dev/v4l/by-id or by-path, since numbers change on replugging";
-                places.hold(stable, "hardware.camera.device", path.display(), allowed)
-            }
-            (None, Some(_), None) => Ok(()),
-            (None, None, Some(graph)) => graph.check(places),
-            (Some(_), Some(_), _) => one_of("both device and card"),
-            (_, _, Some(_)) => one_of("media beside device or card"),
-            (None, None, None) => one_of("neither device nor card nor media"),
-        }
+        let given = [self.device.is_some(), self.card.is_some(), self.media.is_some()];
+        let count = given.into_iter().filter(|&given| given).count();
+        let found = format_args!("{count} of device, card and media");
+        places.hold(count == 1, "hardware.camera", found, "one of them")
     }
 }
 

@@ -1,9 +1,7 @@
 //! `[hardware.camera.media]`: links and formats of the media graph between a board's sensor and its
 //! video node.
 
-use super::error::ConfigError;
-use super::keys::table;
-use super::places::Places;
+use super::keys::{Allowed, table};
 
 table! {
     /// Media graph of a board's camera (`media-ctl --print-topology`), instead of `device` or
@@ -29,9 +27,9 @@ table! {
     @[derive(Eq)]
     pub struct MediaLink {
         /// Source pad: an entity, `:` and the pad's number.
-        from: String, Text, Never;
+        from: String, PAD, Never;
         /// Sink pad.
-        to: String, Text, Never;
+        to: String, PAD, Never;
         /// Whether the link is enabled.
         on: bool, Truth, Means("true");
     }
@@ -42,7 +40,7 @@ table! {
     @[derive(Eq)]
     pub struct PadFormat {
         /// Pad: an entity, `:` and the pad's number.
-        pad: String, Text, Never;
+        pad: String, PAD, Never;
         /// Name of the bus format, without `MEDIA_BUS_FMT_`.
         code: String, Such("a bus format's name, such as SRGGB10_1X10", |value| {
             value.as_str().is_some_and(|name| bus_format(name).is_some())
@@ -93,21 +91,12 @@ pub fn entity_and_pad(text: &str) -> Option<(&str, u32)> {
     Some(entity).filter(is_named).zip(pad.parse().ok().filter(|pad| *pad <= u32::from(u16::MAX)))
 }
 
-impl MediaGraph {
-    /// Checks the rules across keys.
-    pub(super) fn check(&self, places: &Places) -> Result<(), ConfigError> {
-        let links = self.link.iter().flat_map(|link| [&link.from, &link.to]);
-        for pad in links.chain(self.format.iter().map(|format| &format.pad)) {
-            places.hold(
-                entity_and_pad(pad).is_some(),
-                "hardware.camera.media",
-                format_args!("pad {pad:?}"),
-                "an entity, : and the pad's number, such as \"csi2:4\"",
-            )?;
-        }
-        Ok(())
-    }
+const PAD: Allowed =
+    Allowed::Such("an entity, : and the pad's number, such as \"csi2:4\"", |value| {
+        value.as_str().is_some_and(|pad| entity_and_pad(pad).is_some())
+    });
 
+impl MediaGraph {
     /// All entities that are named.
     pub fn entities(&self) -> impl Iterator<Item = &str> {
         let links = self.link.iter().flat_map(|link| [&link.from, &link.to]);

@@ -33,8 +33,8 @@ pub use parts::{
 };
 pub use rig::{Kind, RigFile};
 pub use simulation::{
-    DisplayTable, Faults, Glare, Glass, Lens, LensGeometry, LensSurface, Pose, Prescription,
-    SensorCurve, SensorTable, Simulation, Surround, Uneven, Unrest,
+    DisplayTable, Faults, Glare, Glass, LensGeometry, LensSurface, Pose, Prescription, SensorCurve,
+    SensorTable, Simulation, Surround, Uneven, Unrest,
 };
 pub use spectra::{Primaries, SpectralLight, Wavelength};
 
@@ -67,24 +67,17 @@ pub fn built_in_names() -> impl Iterator<Item = &'static str> {
 /// When the file cannot be read, is not TOML, has an unknown or missing key, or breaks a rule.
 pub fn load(path: &Path) -> Result<RigFile, ConfigError> {
     match std::fs::read_to_string(path) {
-        Ok(text) => parse(&text, &path.display().to_string()),
-        Err(source) => {
-            if source.kind() != std::io::ErrorKind::NotFound {
-                return Err(ConfigError::Read(path.to_owned(), source));
-            }
-            let is_named = |name: &str| {
-                path == Path::new(name) || path == Path::new(name.trim_end_matches(".toml"))
-            };
-            match BUILT_IN.iter().find(|(name, _)| is_named(name)) {
-                Some((name, text)) => parse(text, name),
-                None => {
-                    let names = built_in_names().collect::<Vec<_>>().join(", ");
-                    let near = near(path);
-                    Err(ConfigError::NoFile { path: path.to_owned(), near, names })
-                }
-            }
-        }
+        Ok(text) => return parse(&text, &path.display().to_string()),
+        Err(source) if source.kind() == std::io::ErrorKind::NotFound => {}
+        Err(source) => return Err(ConfigError::Read(path.to_owned(), source)),
     }
+    let is_named =
+        |name: &str| path == Path::new(name) || path == Path::new(name.trim_end_matches(".toml"));
+    if let Some((name, text)) = BUILT_IN.iter().find(|(name, _)| is_named(name)) {
+        return parse(text, name);
+    }
+    let names = built_in_names().collect::<Vec<_>>().join(", ");
+    Err(ConfigError::NoFile { path: path.to_owned(), near: near(path), names })
 }
 
 /// A suggestion of the built-in rig file whose name is nearest to `path`.

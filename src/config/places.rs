@@ -51,8 +51,7 @@ impl Places {
     fn note(&mut self, path: &str, table: &DeTable, text: &str) {
         for (key, value) in table.iter() {
             let path = joined(path, key.get_ref());
-            let before = &text.as_bytes()[..key.span().start];
-            let line = 1 + before.iter().filter(|&&byte| byte == b'\n').count();
+            let line = line_at(text, key.span().start);
             match value.get_ref() {
                 DeValue::Table(inner) => self.note(&path, inner, text),
                 DeValue::Array(all) => {
@@ -81,8 +80,7 @@ impl Places {
 
     /// Error about the line of `text` that is not TOML.
     pub(super) fn not_toml(&self, error: &toml::de::Error, text: &str) -> ConfigError {
-        let start = error.span().map_or(0, |span| span.start.min(text.len()));
-        let line = 1 + text.as_bytes()[..start].iter().filter(|&&byte| byte == b'\n').count();
+        let line = line_at(text, error.span().map_or(0, |span| span.start.min(text.len())));
         let at = format!("{}:{line}", self.file);
         let named = error.span().and_then(|span| text.get(span)).unwrap_or_default();
         // The parser's messages are written for programmers.
@@ -97,6 +95,11 @@ impl Places {
         };
         ConfigError::Invalid { at, what: format!("found {found}, allowed {LINES}") }
     }
+}
+
+/// Number of the line of `text` with byte `at`.
+fn line_at(text: &str, at: usize) -> usize {
+    1 + text.as_bytes()[..at].iter().filter(|&&byte| byte == b'\n').count()
 }
 
 /// Path of the key `name` in the table `path`.

@@ -43,6 +43,13 @@ pub struct RigFile {
     pub identity: u64,
 }
 
+/// Refreshes of the panel in an exposure, if they are no whole number. A control in steps of 100 µs
+/// rounds by 0.3 % at 60 Hz.
+pub(super) fn broken_refreshes(panel: &PanelTable, camera: &CameraTable) -> Option<f64> {
+    let refreshes = camera.exposure_ms * panel.refresh_hz / 1e3;
+    ((refreshes - refreshes.round().max(1.0)).abs() > 0.01).then_some(refreshes)
+}
+
 /// Kind of a rig with its tables.
 #[derive(Debug, Clone)]
 pub enum Kind {
@@ -58,7 +65,7 @@ impl RigFile {
     pub fn refocused(&self, offset: f32) -> Option<RigFile> {
         let mut turned = self.clone();
         if let Kind::Simulated(simulation) = &mut turned.kind {
-            let lens = &mut simulation.lens.prescription;
+            let lens = &mut simulation.lens;
             let before = lens.focus_distance_mm.unwrap_or(lens.object_distance_mm);
             let dioptres = 1000.0 / before - f64::from(offset);
             if dioptres <= 0.0 {
@@ -140,21 +147,15 @@ impl RigFile {
         self.mosaic().map(|mosaic| mosaic.from_place(x, y))
     }
 
-    /// Warnings about values that are allowed and hardly intended, with a remedy each.
-    pub fn warnings(&self) -> Vec<String> {
-        let (exposure_ms, refresh_hz) = (self.camera.exposure_ms, self.panel.refresh_hz);
-        let refreshes = exposure_ms * refresh_hz / 1e3;
-        let whole = refreshes.round().max(1.0);
-        // The tolerance of a real rig.
-        let is_off = (refreshes - whole).abs() > 0.01;
-        let warning = || {
-            format!(
-                "camera.exposure-ms = {exposure_ms} is {refreshes:.3} refreshes of the panel, \
-                 allowed a whole number of them, or its flicker shows: set it to {:.2}",
-                whole * 1e3 / refresh_hz
-            )
-        };
-        is_off.then(warning).into_iter().collect()
+    /// Warning about a simulated rig's exposure, which a real one may not have, with its remedy.
+    pub fn warning(&self) -> Option<String> {
+        let refreshes = broken_refreshes(&self.panel, &self.camera)?;
+        Some(format!(
+            "camera.exposure-ms = {} is {refreshes:.3} refreshes of the panel, allowed a whole \
+             number of them, or its flicker shows: set it to {:.2}",
+            self.camera.exposure_ms,
+            refreshes.round().max(1.0) * 1e3 / self.panel.refresh_hz
+        ))
     }
 
     /// Tables of a simulated rig.

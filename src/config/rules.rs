@@ -6,7 +6,7 @@ use super::error::ConfigError;
 use super::hardware::{CameraDevice, ExposureBy, Hardware, TriggerDevice};
 use super::parts::{Alignment, CameraTable, PanelTable};
 use super::places::Places;
-use super::rig::{Kind, RigFile};
+use super::rig::{Kind, RigFile, broken_refreshes};
 use super::simulation::{Simulation, SimulationTable};
 use super::written::RigTables;
 
@@ -20,7 +20,7 @@ pub(super) fn check(mut written: RigTables, places: &Places) -> Result<RigFile, 
     check_marks(places, &written)?;
     check_times(places, &written)?;
     let RigTables { photo, panel, camera, canvas, calibration, marks, .. } = written.clone();
-    let mut identity = IdentityHash::default();
+    let mut identity = IdentityHash(0xcbf2_9ce4_8422_2325);
     identity.take(&(
         (photo.width_px, photo.height_px, photo.curve),
         (panel.width_px, panel.height_px, panel.subpixels),
@@ -46,7 +46,7 @@ pub(super) fn check(mut written: RigTables, places: &Places) -> Result<RigFile, 
         None => {
             let simulation = check_simulation(places, written.clone())?;
             identity.take(&(&simulation.pose, &simulation.display, &simulation.sensor));
-            identity.take(&(&simulation.lens.prescription, &simulation.lens.glare));
+            identity.take(&(&simulation.lens, &simulation.glare));
             Kind::Simulated(Box::new(simulation))
         }
     };
@@ -98,34 +98,23 @@ fn check_canvas(places: &Places, written: &RigTables) -> Result<(), ConfigError>
         ("x", camera.photo_x_px, photo.width_px, camera.width_px),
         ("y", camera.photo_y_px, photo.height_px, camera.height_px),
     ] {
-        places.hold(
-            length > 0,
-            "canvas.margin-px",
-            margin,
-            format_args!("one that leaves room for a photo on the sensor's {whole} pixels"),
-        )?;
-        places.hold(
-            place + length <= whole,
-            &format!("camera.photo-{axis}-px"),
-            format_args!("a photo of {length} pixels from {place} on"),
-            format_args!("a photo inside the sensor's {whole} pixels"),
-        )?;
+        let allowed =
+            format_args!("one that leaves room for a photo on the sensor's {whole} pixels");
+        places.hold(length > 0, "canvas.margin-px", margin, allowed)?;
+        let key = format!("camera.photo-{axis}-px");
+        let found = format_args!("a photo of {length} pixels from {place} on");
+        let allowed = format_args!("a photo inside the sensor's {whole} pixels");
+        places.hold(place + length <= whole, &key, found, allowed)?;
         let room = place.min(whole - place - length);
-        places.hold(
-            margin <= room,
-            "canvas.margin-px",
-            margin,
-            format_args!("0 to {room}, which keeps the canvas on the sensor along {axis}"),
-        )?;
+        let allowed =
+            format_args!("0 to {room}, which keeps the canvas on the sensor along {axis}");
+        places.hold(margin <= room, "canvas.margin-px", margin, allowed)?;
     }
+    let (panel, sensor) = (panel.size(), camera.size());
     places.hold(
-        calibration.geometry == Alignment::Checkerboard || panel.size() == camera.size(),
+        calibration.geometry == Alignment::Checkerboard || panel == sensor,
         "calibration.geometry",
-        format_args!(
-            "one-to-one with a panel of {} and a sensor of {}",
-            panel.size(),
-            camera.size()
-        ),
+        format_args!("one-to-one with a panel of {panel} and a sensor of {sensor}"),
         "one-to-one only with panel and sensor of the same size",
     )
 }
@@ -139,34 +128,24 @@ fn check_marks(places: &Places, written: &RigTables) -> Result<(), ConfigError> 
         // The strips are surrounded by black as far as the blur reaches.
         let needed = marks.from_edge_px + marks.height_px + calibration.function_support_px / 2;
         let half = camera.height_px / 2;
-        return places.hold(
-            needed <= half,
-            "marks.height-px",
-            marks.height_px,
-            format_args!(
-                "a height that together with marks.from-edge-px and the blur needs at most {half} \
-                 rows, not {needed}"
-            ),
+        let allowed = format_args!(
+            "a height that together with marks.from-edge-px and the blur needs at most {half} \
+             rows, not {needed}"
         );
+        return places.hold(needed <= half, "marks.height-px", marks.height_px, allowed);
     }
     let below = camera.height_px - camera.photo_y_px - photo.height_px - canvas.margin_px;
     let room = (camera.photo_y_px - canvas.margin_px).min(below);
-    places.hold(
-        marks.from_edge_px + marks.height_px <= room,
-        "marks.height-px",
-        marks.height_px,
-        format_args!("at most {room} together with marks.from-edge-px, clear of the canvas"),
-    )
+    let fits = marks.from_edge_px + marks.height_px <= room;
+    let allowed =
+        format_args!("at most {room} together with marks.from-edge-px, clear of the canvas");
+    places.hold(fits, "marks.height-px", marks.height_px, allowed)
 }
 
 fn check_times(places: &Places, written: &RigTables) -> Result<(), ConfigError> {
-    let camera = &written.camera;
-    places.hold(
-        camera.deadline_ms > camera.exposure_ms,
-        "camera.deadline-ms",
-        camera.deadline_ms,
-        format_args!("more than the exposure of {} ms", camera.exposure_ms),
-    )
+    let CameraTable { deadline_ms, exposure_ms, .. } = written.camera;
+    let allowed = format_args!("more than the exposure of {exposure_ms} ms");
+    places.hold(deadline_ms > exposure_ms, "camera.deadline-ms", deadline_ms, allowed)
 }
 
 /// Checks `[hardware]`, and the other tables for a real rig.
@@ -176,14 +155,11 @@ fn check_hardware(
     panel: &PanelTable,
     camera: &CameraTable,
 ) -> Result<(), ConfigError> {
-    let refreshes = camera.exposure_ms * panel.refresh_hz / 1e3;
-    // A control in steps of 100 µs rounds by 0.3 % at 60 Hz.
-    places.hold(
-        refreshes > 0.5 && (refreshes - refreshes.round()).abs() <= 0.01,
-        "camera.exposure-ms",
-        format_args!("{} ms, which is {refreshes:.3} refreshes", camera.exposure_ms),
-        "a whole number of refreshes, or the backlight's flicker shows",
-    )?;
+    if let Some(refreshes) = broken_refreshes(panel, camera) {
+        let found = format_args!("{} ms, which is {refreshes:.3} refreshes", camera.exposure_ms);
+        let allowed = "a whole number of refreshes, or the backlight's flicker shows";
+        return Err(places.broken("camera.exposure-ms", found, allowed));
+    }
     match &hardware.camera {
         CameraDevice::V4l2(device) => device.check(places)?,
         CameraDevice::Genicam(device) => device.check(places, &hardware.trigger)?,
@@ -210,30 +186,21 @@ fn check_simulation(places: &Places, written: RigTables) -> Result<Simulation, C
     let mut display = needed(places, "[display]", written.display)?;
     display.primaries = table.light.primaries();
     let sensor = needed(places, "[sensor]", written.sensor)?.completed(table.light);
-    let lens = lens.into_lens(&written.camera);
+    let (lens, glare) = lens.into_lens(&written.camera);
     let half = f64::from(written.camera.count_max()) / 2.0;
-    places.hold(
-        sensor.black_level_counts <= half,
-        "sensor.black-level-counts",
-        sensor.black_level_counts,
-        format_args!("0 to {half}, half of the largest count"),
-    )?;
+    let black = sensor.black_level_counts;
+    let allowed = format_args!("0 to {half}, half of the largest count");
+    places.hold(black <= half, "sensor.black-level-counts", black, allowed)?;
     let faults = written.faults;
     let together =
         faults.stale + faults.duplicate + faults.missing + faults.mixed + faults.unplugged;
     places.hold(together <= 1.0, "faults", together, "at most 1 for all together")?;
     let SimulationTable { seed, surround, unrest, .. } = table;
-    Ok(Simulation { unrest, seed, surround, lens, pose, display, sensor, faults })
+    Ok(Simulation { unrest, seed, surround, lens, glare, pose, display, sensor, faults })
 }
 
 /// FNV-1a hash of the parts as text, which is stable across machines and compilers.
 struct IdentityHash(u64);
-
-impl Default for IdentityHash {
-    fn default() -> Self {
-        IdentityHash(0xcbf2_9ce4_8422_2325)
-    }
-}
 
 impl IdentityHash {
     fn take(&mut self, part: &impl Serialize) {

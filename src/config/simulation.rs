@@ -16,7 +16,9 @@ pub struct Simulation {
     /// Light from outside the photo's frame.
     pub surround: Surround,
     /// Lens.
-    pub lens: Lens,
+    pub lens: Prescription,
+    /// Veiling glare.
+    pub glare: Glare,
     /// Pose of the panel.
     pub pose: Pose,
     /// Physics of the display.
@@ -40,7 +42,7 @@ table! {
         light: SpectralLight, Word(SpectralLight::WORDS), Never;
         /// Whether panel and camera move and flicker: a step of 0.03 sensor pixels per capture and
         /// axis, 0.05 of vibration, 0.3 % of flicker, and a slow drift.
-        @[serde(deserialize_with = "unrest", skip_serializing)]
+        @[serde(deserialize_with = "usual", skip_serializing)]
         unrest: Unrest, Truth, Means("false");
     }
 }
@@ -61,7 +63,7 @@ pub struct Unrest {
     pub drift_share_per_h: f64,
 }
 
-impl Unrest {
+impl Usual for Unrest {
     /// Guesses: what the warmth of a room moves, steps and a fan, a backlight's current over whole
     /// periods, a bolted panel, a panel that has warmed up.
     const USUAL: Unrest = Unrest {
@@ -73,9 +75,14 @@ impl Unrest {
     };
 }
 
-fn unrest<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Unrest, D::Error> {
+/// Imperfections by one key that switches them on; without them the default.
+trait Usual: Default {
+    const USUAL: Self;
+}
+
+fn usual<'de, D: Deserializer<'de>, T: Usual>(deserializer: D) -> Result<T, D::Error> {
     let is_on = bool::deserialize(deserializer)?;
-    Ok(if is_on { Unrest::USUAL } else { Unrest::default() })
+    Ok(if is_on { T::USUAL } else { T::default() })
 }
 
 /// Whether a value is the default, which is then not part of an identity.
@@ -91,15 +98,6 @@ words! {
         /// None.
         Black = "black",
     }
-}
-
-/// A lens with its veiling glare.
-#[derive(Debug, Clone)]
-pub struct Lens {
-    /// Surfaces, stop and focus.
-    pub prescription: Prescription,
-    /// Veiling glare.
-    pub glare: Glare,
 }
 
 /// Veiling glare: light scattered far beyond the point spread function.
@@ -166,30 +164,28 @@ table! {
 }
 
 impl LensTable {
-    /// The lens, focused on the panel and centred on the sensor of `camera`.
-    pub(super) fn into_lens(self, camera: &CameraTable) -> Lens {
+    /// The lens, focused on the panel and centred on the sensor of `camera`, and its glare.
+    pub(super) fn into_lens(self, camera: &CameraTable) -> (Prescription, Glare) {
         let [width, height] = [camera.width_px, camera.height_px].map(|side| side as f64);
         let rows = (self.node_columns as f64 * height / width).round();
         let is_rim = |surface: &&LensSurface| surface.radius_mm.is_infinite();
-        Lens {
-            glare: Glare { share: self.glare_share, radius_px: self.glare_radius_px },
-            prescription: Prescription {
-                // The vertex plane of the first refracting surface carries the stop.
-                stop_at_surface: self.surface.iter().take_while(is_rim).count(),
-                surfaces: self.surface,
-                stop_diameter_mm: self.stop_diameter_mm,
-                object_distance_mm: PANEL_DISTANCE_MM,
-                focus_distance_mm: None,
-                scene_distance_mm: self.scene_distance_mm,
-                pixel_pitch_um: self.pixel_pitch_um,
-                support_px: self.support_px,
-                node_columns: self.node_columns,
-                node_rows: rows.max(2.0) as usize,
-                geometry: self.geometry,
-                dark_corner: self.geometry == LensGeometry::Traced,
-                axis_offset_px: [0.0; 2],
-            },
-        }
+        let lens = Prescription {
+            // The vertex plane of the first refracting surface carries the stop.
+            stop_at_surface: self.surface.iter().take_while(is_rim).count(),
+            surfaces: self.surface,
+            stop_diameter_mm: self.stop_diameter_mm,
+            object_distance_mm: PANEL_DISTANCE_MM,
+            focus_distance_mm: None,
+            scene_distance_mm: self.scene_distance_mm,
+            pixel_pitch_um: self.pixel_pitch_um,
+            support_px: self.support_px,
+            node_columns: self.node_columns,
+            node_rows: rows.max(2.0) as usize,
+            geometry: self.geometry,
+            dark_corner: self.geometry == LensGeometry::Traced,
+            axis_offset_px: [0.0; 2],
+        };
+        (lens, Glare { share: self.glare_share, radius_px: self.glare_radius_px })
     }
 }
 
@@ -277,7 +273,7 @@ table! {
         response_ms: f64, Number(0.0, 10_000.0), Never;
         /// Whether the panel is as uneven as usual: corners darker by 15 %, light and leakage that
         /// depend on the angle of view.
-        @[serde(deserialize_with = "uneven", skip_serializing_if = "is_default")]
+        @[serde(deserialize_with = "usual", skip_serializing_if = "is_default")]
         uneven: Uneven, Truth, Means("false");
     }
 }
@@ -297,7 +293,7 @@ pub struct Uneven {
     pub leakage_at_10_deg: f64,
 }
 
-impl Uneven {
+impl Usual for Uneven {
     const USUAL: Uneven = Uneven {
         // White differs by 15 % over a monitor on average, by 20 % over a Dell U2412M (published
         // tests of monitors).
@@ -309,11 +305,6 @@ impl Uneven {
         // Guess: half as much again as a contrast of 1000:1 leaks.
         leakage_at_10_deg: 0.0005,
     };
-}
-
-fn uneven<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Uneven, D::Error> {
-    let is_on = bool::deserialize(deserializer)?;
-    Ok(if is_on { Uneven::USUAL } else { Uneven::default() })
 }
 
 /// Whether `value` is a cross-channel matrix.
@@ -366,7 +357,7 @@ table! {
         @[serde(skip_deserializing, skip_serializing_if = "is_default")]
         hot_pixel_levels: f64, Fixed, Says("computed");
         /// Whether counts bend as those of industrial sensors do near the full well.
-        @[serde(deserialize_with = "curve", skip_serializing_if = "is_default")]
+        @[serde(deserialize_with = "usual", skip_serializing_if = "is_default")]
         curve: SensorCurve, Truth, Means("false");
     }
 }
@@ -405,7 +396,7 @@ pub struct SensorCurve {
     pub knee_slope: f64,
 }
 
-impl SensorCurve {
+impl Usual for SensorCurve {
     /// Guesses: raw counts of industrial sensors are straight to about 1 %, here 1.4 % at half the
     /// range, and bend near the full well.
     const USUAL: SensorCurve = SensorCurve { gamma: 0.98, knee_share: 0.85, knee_slope: 0.7 };
@@ -415,11 +406,6 @@ impl Default for SensorCurve {
     fn default() -> Self {
         SensorCurve { gamma: 1.0, knee_share: 1.0, knee_slope: 1.0 }
     }
-}
-
-fn curve<'de, D: Deserializer<'de>>(deserializer: D) -> Result<SensorCurve, D::Error> {
-    let is_on = bool::deserialize(deserializer)?;
-    Ok(if is_on { SensorCurve::USUAL } else { SensorCurve::default() })
 }
 
 table! {

@@ -25,7 +25,7 @@ fn every_built_in_rig_file_is_valid() {
             taken => taken.unwrap_or_else(|error| panic!("{error}")),
         };
         assert_eq!(format!("{}.toml", rig.name), name);
-        assert_eq!(rig.warnings(), Vec::<String>::new(), "{name}");
+        assert_eq!(rig.warning(), None, "{name}");
     }
     assert_eq!(load(Path::new("small")).expect("without its ending").name, "small");
     let said = message(load(Path::new("smal.toml")));
@@ -36,8 +36,8 @@ fn every_built_in_rig_file_is_valid() {
 fn an_exposure_that_is_no_whole_number_of_refreshes_gives_a_warning() {
     for (exposure, wanted) in [("0.05", "set it to 16.67"), ("60.0", "set it to 66.67")] {
         let rig = changed("exposure-ms = 50.0", &format!("exposure-ms = {exposure}"));
-        let warnings = rig.expect("it is valid").warnings().concat();
-        assert!(warnings.contains(wanted), "{warnings}");
+        let warning = rig.expect("it is valid").warning().expect("a warning");
+        assert!(warning.contains(wanted), "{warning}");
     }
 }
 
@@ -285,7 +285,7 @@ fn values_that_follow_from_others_are_computed() {
         assert_eq!((rig.camera.photo_x_px, rig.camera.photo_y_px), place, "{name}");
         assert!((rig.camera.deadline_ms - 500.0).abs() < 1e-9, "{name}");
     }
-    let lens = |name: &str| rig(name).simulation().expect(name).lens.prescription.clone();
+    let lens = |name: &str| rig(name).simulation().expect(name).lens.clone();
     for (name, rows, stop, dark_corner) in [
         ("ideal.toml", 12, 1, true),
         ("small.toml", 12, 1, true),

@@ -197,35 +197,23 @@ pub(super) fn read(text: &str, file: &str) -> Result<(RigTables, Places), Config
 
 /// Fills in the values that follow from other keys.
 fn derive(whole: &mut toml::Table) {
-    derive_geometry(whole);
-    let exposure = whole.get("camera").and_then(|camera| camera.get("exposure-ms"));
-    let exposure_ms = exposure.and_then(number).unwrap_or_default();
-    set_if_missing(whole, "camera", "deadline-ms", (DEADLINE_EXPOSURES * exposure_ms).into());
-    let binning = whole_of(whole, "camera", "binning").max(1);
-    let patch_px = whole_of(whole, "photo", "width-px") / binning * PATCH_PX / PATCH_PHOTO_PX;
-    set_if_missing(whole, "paper", "patch-px", patch_px.clamp(4, PATCH_PX).into());
-    let radius_px = whole_of(whole, "calibration", "function-support-px") / 2;
-    set_if_missing(whole, "paper", "margin-px", radius_px.into());
-}
-
-/// Canvas margin, photo size and photo place.
-fn derive_geometry(whole: &mut toml::Table) {
     let radius_px = whole_of(whole, "calibration", "function-support-px") / 2;
     set_if_missing(whole, "canvas", "margin-px", radius_px.into());
+    set_if_missing(whole, "paper", "margin-px", radius_px.into());
     let by = whole_of(whole, "camera", "binning").max(1);
     let margin_px = by * whole_of(whole, "canvas", "margin-px");
     for (size, place) in [("width-px", "photo-x-px"), ("height-px", "photo-y-px")] {
         let sensor_px = whole_of(whole, "camera", size);
         let photo_px = (sensor_px - 2 * margin_px).max(0);
         set_if_missing(whole, "photo", size, photo_px.into());
-        let photo_px = whole_of(whole, "photo", size);
-        set_if_missing(
-            whole,
-            "camera",
-            place,
-            ((sensor_px - photo_px).max(0) / (2 * by) * by).into(),
-        );
+        let margin_px = (sensor_px - whole_of(whole, "photo", size)).max(0) / 2;
+        set_if_missing(whole, "camera", place, (margin_px / by * by).into());
     }
+    let exposure = whole.get("camera").and_then(|camera| camera.get("exposure-ms"));
+    let exposure_ms = exposure.and_then(number).unwrap_or_default();
+    set_if_missing(whole, "camera", "deadline-ms", (DEADLINE_EXPOSURES * exposure_ms).into());
+    let patch_px = whole_of(whole, "photo", "width-px") / by * PATCH_PX / PATCH_PHOTO_PX;
+    set_if_missing(whole, "paper", "patch-px", patch_px.clamp(4, PATCH_PX).into());
 }
 
 fn whole_of(whole: &toml::Table, table: &str, key: &str) -> i64 {

@@ -60,7 +60,7 @@ fn seconds() -> f64 {
 /// The rig with a fingerprint on its lens. Share and width of the scattered light are guesses.
 fn with_fingerprint(mut rig: config::RigFile) -> config::RigFile {
     if let Kind::Simulated(simulation) = &mut rig.kind {
-        let glare = &mut simulation.lens.glare;
+        let glare = &mut simulation.glare;
         *glare = Glare { share: 0.2, radius_px: 6.0 };
     }
     rig

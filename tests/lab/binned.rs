@@ -36,7 +36,7 @@ fn camera(rig: &RigFile, times: usize, by: usize) -> RigFile {
         lens.support_px = (lens.support_px * times) | 1;
     });
     simulation(&mut rig, |simulation| {
-        simulation.lens.glare.radius_px *= finer as f32;
+        simulation.glare.radius_px *= finer as f32;
         simulation.pose.sensor_px_per_panel_px *= finer;
         simulation.pose.shift_x_px *= finer;
         simulation.pose.shift_y_px *= finer;

@@ -88,11 +88,11 @@ impl Change {
 
 /// Changes the traced lens of a simulated rig.
 pub(crate) fn lens(rig: &mut RigFile, change: impl FnOnce(&mut Prescription)) {
-    simulation(rig, |simulation| change(&mut simulation.lens.prescription));
+    simulation(rig, |simulation| change(&mut simulation.lens));
 }
 
 fn glare(rig: &mut RigFile, change: impl FnOnce(&mut Glare)) {
-    simulation(rig, |simulation| change(&mut simulation.lens.glare));
+    simulation(rig, |simulation| change(&mut simulation.glare));
 }
 
 /// Changes the simulation of a rig that is one.

@@ -193,7 +193,7 @@ fn a_photo_with_the_lens_stopped_down_is_left_untouched() {
     assert_ne!(wide.verdict, Verdict::Untouched, "{}", wide.reason);
     let mut stopped = bed.file.clone();
     if let Kind::Simulated(simulation) = &mut stopped.kind {
-        simulation.lens.prescription.stop_diameter_mm /= 2.5;
+        simulation.lens.stop_diameter_mm /= 2.5;
     }
     (bed.devices, bed.witness) = simulated::open(&stopped).unwrap();
     bed.witness.put_before_lens(Some(&bed.scene));

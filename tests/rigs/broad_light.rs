@@ -22,7 +22,7 @@ const ALONG: usize = 6;
 /// Share of a channel's light outside the measured functions, mean over the photo.
 fn beyond(rig: &config::RigFile, witness: &Witness, channel: Channel) -> f64 {
     let side = rig.calibration.function_support_px;
-    let glare = rig.simulation().unwrap().lens.glare;
+    let glare = rig.simulation().unwrap().glare;
     let (photo, mut kept) = (rig.photo_on_sensor(), 0.0);
     for n in 0..ALONG * ALONG {
         let at = |k: usize, from: usize, length: usize| {
@@ -47,7 +47,7 @@ fn check_scatter(rig: &config::RigFile) {
     let calibration = measured(rig).unwrap();
     for (c, found) in Channel::ALL.into_iter().zip(calibration.scattered()) {
         let (truth, halos) = (beyond(rig, &witness, c), &calibration.broad[c.index()]);
-        let glare = rig.simulation().unwrap().lens.glare;
+        let glare = rig.simulation().unwrap().glare;
         println!(
             "{}, {glare:?}: {} {found:.4} of {truth:.4} beyond, {halos:.4?}, operator error {:.2}",
             rig.name,
@@ -73,7 +73,7 @@ fn broad_light_of_other_lenses_is_measured_behind_filters() {
         let mut rig = load("truthful.toml");
         let Kind::Simulated(simulation) = &mut rig.kind else { panic!("a simulated rig") };
         simulation.seed = seed;
-        let glare = &mut simulation.lens.glare;
+        let glare = &mut simulation.glare;
         (glare.share, glare.radius_px) = (share, radius_px);
         check_scatter(&rig);
     }

@@ -165,7 +165,7 @@ fn score(config: &config::RigFile, witness: &Witness, calibration: &Calibration)
 /// Checks the broad light against the simulator's glare. Blue is out of focus, and its blur beyond
 /// the functions is included.
 fn score_broad_light(config: &config::RigFile, calibration: &Calibration) {
-    let glare = config.simulation().expect("simulated").lens.glare;
+    let glare = config.simulation().expect("simulated").glare;
     println!(
         "glare of {} over {} px: found {:.4?}",
         glare.share, glare.radius_px, calibration.broad
@@ -349,7 +349,7 @@ fn a_rig_out_of_focus_is_refused() {
     for focus_mm in [1800.0, 900.0] {
         let mut config = load("small.toml");
         if let config::Kind::Simulated(simulation) = &mut config.kind {
-            let lens = &mut simulation.lens.prescription;
+            let lens = &mut simulation.lens;
             (lens.focus_distance_mm, lens.support_px) = (Some(focus_mm), 63);
         }
         let (mut rig, _) = simulated::open(&config).expect("a simulated rig");

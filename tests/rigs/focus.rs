@@ -30,7 +30,7 @@ fn rig() -> RigFile {
 fn at(rig: &RigFile, panel_mm: f64, scene_mm: f64) -> RigFile {
     let mut moved = rig.clone();
     if let Kind::Simulated(simulation) = &mut moved.kind {
-        let lens = &mut simulation.lens.prescription;
+        let lens = &mut simulation.lens;
         lens.focus_distance_mm = Some(lens.focus_distance_mm.unwrap_or(lens.object_distance_mm));
         lens.object_distance_mm = panel_mm;
         lens.scene_distance_mm = Some(scene_mm);

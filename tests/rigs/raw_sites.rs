@@ -153,7 +153,7 @@ fn silhouette(size: Size) -> Frame<Work> {
 fn dark_areas_stay_free_of_stripes_in_a_strongly_blurred_channel() {
     let mut plano = rig("truthful.toml", Some(Mosaic::Bggr));
     let Kind::Simulated(simulation) = &mut plano.kind else { panic!("a simulated rig") };
-    let lens = &mut simulation.lens.prescription;
+    let lens = &mut simulation.lens;
     let [.., front, back] = lens.surfaces.as_mut_slice() else { panic!("a singlet") };
     (front.radius_mm, back.radius_mm) = (38.76, f64::INFINITY);
     (lens.stop_diameter_mm, lens.scene_distance_mm) = (16.7, Some(4000.0));

@@ -22,7 +22,7 @@ fn simulation(rig: &mut config::RigFile) -> &mut Simulation {
 }
 
 fn scene_distance(rig: &mut config::RigFile, mm: f64) {
-    simulation(rig).lens.prescription.scene_distance_mm = Some(mm);
+    simulation(rig).lens.scene_distance_mm = Some(mm);
 }
 
 const DEPARTURES: [(&str, Departure); 8] = [

@@ -15,7 +15,7 @@ fn image_mm(object_mm: f64) -> f64 {
 fn a_scene_out_of_focus_is_blurred_by_the_cone_of_light() {
     let (config, _, sharp) = quiet_with(&[NO_GLARE]);
     let (_, _, blurred) = quiet_simulated_with(&[NO_GLARE], |simulation| {
-        simulation.lens.prescription.scene_distance_mm = Some(3200.0);
+        simulation.lens.scene_distance_mm = Some(3200.0);
     });
     let size = config.canvas_size();
     let [across, down] = [size.width / 2, size.height / 2];
@@ -39,7 +39,7 @@ fn a_lens_focused_nearer_magnifies_the_panel_and_blurs_it() {
     let quiet = [NO_LEAKAGE, NO_GLARE];
     let (config, _, sharp) = quiet_with(&quiet);
     let (_, _, near) = quiet_simulated_with(&quiet, |simulation| {
-        simulation.lens.prescription.focus_distance_mm = Some(3200.0);
+        simulation.lens.focus_distance_mm = Some(3200.0);
     });
     let [left, right] = [[150.0, 100.0], [330.0, 160.0]].map(|at| spot(config.panel.size(), at));
     let apart_and_wide = |witness: &Witness| {

@@ -129,7 +129,7 @@ impl Optics {
         sensor: Size,
         photo: Rect,
     ) -> Result<Optics, RigError> {
-        let prescription = &simulation.lens.prescription;
+        let prescription = &simulation.lens;
         let traced = Box::new(TracedFunctions::new(prescription, simulation, sensor)?);
         let support_px = prescription.support_px;
         let pad = support_px / 2;
@@ -138,7 +138,7 @@ impl Optics {
             spread(sensor.height, prescription.node_rows, pad),
         ];
         let (convolutions, dark_corners) = Default::default();
-        let glare = simulation.lens.glare;
+        let glare = simulation.glare;
         Ok(Optics {
             sensor,
             photo,

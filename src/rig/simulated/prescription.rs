@@ -131,7 +131,7 @@ mod tests {
 
     fn study(stop_diameter_mm: f64) -> Focused {
         let rig = load(std::path::Path::new("study.toml")).expect("built in");
-        let mut prescription = rig.simulation().expect("simulated").lens.prescription.clone();
+        let mut prescription = rig.simulation().expect("simulated").lens.clone();
         prescription.stop_diameter_mm = stop_diameter_mm;
         Focused::new(&prescription, &[Wavelength(540.0, 1.0)]).expect("a good lens")
     }

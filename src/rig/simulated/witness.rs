@@ -230,7 +230,7 @@ impl Witness {
         change: impl FnOnce(&mut Prescription),
     ) -> Result<(), RigError> {
         let mut simulation = self.simulation.clone();
-        change(&mut simulation.lens.prescription);
+        change(&mut simulation.lens);
         self.optics = Arc::new(Optics::new(&simulation, self.optics.sensor, self.optics.photo)?);
         (self.simulation, self.pose) = (simulation, pose);
         self.optics.prepare();
