@@ -32,8 +32,8 @@ pub(super) struct AlignOptions {
 
 pub(super) fn run(options: &AlignOptions) -> Result<(), CliError> {
     let rig = config::load(&options.rig.rig)?;
-    let mut devices = relens::rig::open_without_marks(&rig).map_err(CliError::of)?;
-    let mut view = RigView::new(&mut devices, &rig).map_err(CliError::of)?;
+    let mut devices = relens::rig::open_without_marks(&rig)?;
+    let mut view = RigView::new(&mut devices, &rig)?;
     measure_live(&mut view, &rig, options.looks.unwrap_or(u64::MAX))
 }
 
@@ -68,15 +68,15 @@ fn measure_live(view: &mut RigView<'_>, rig: &RigFile, looks: u64) -> Result<(),
     for look in 0..looks {
         match look % (2 * FOCUS_LOOKS) {
             0 => {
-                report.add_aim(view.measure_aim().map_err(CliError::of)?);
+                report.add_aim(view.measure_aim()?);
                 if look == 0 {
-                    report.add_brightness(view.measure_brightness().map_err(CliError::of)?);
+                    report.add_brightness(view.measure_brightness()?);
                 }
             }
-            FOCUS_LOOKS => report.add_brightness(view.measure_brightness().map_err(CliError::of)?),
+            FOCUS_LOOKS => report.add_brightness(view.measure_brightness()?),
             _ => {}
         }
-        report.add_focus(&view.measure_focus().map_err(CliError::of)?);
+        report.add_focus(&view.measure_focus()?);
         terminal.draw(&report.lines());
     }
     Ok(())

@@ -67,10 +67,6 @@ fn dioptres(word: &str) -> Result<f32, String> {
     focus_offset(offset).map_err(|error| error.to_string())
 }
 
-/// Runs `relens calibrate`.
-///
-/// # Errors
-/// When the rig cannot be opened or calibrated; the old calibration stays.
 pub(super) fn run(options: &CalibrateOptions) -> Result<(), CliError> {
     let rig = &config::load(&options.rig.rig)?;
     if let Some(warning) = rig.warning() {
@@ -144,9 +140,9 @@ fn measure_focus(rig: &RigFile, kept: &Path, offset: f32) -> Result<(), CliError
 /// Measures the lens's vignetting, and keeps it in `kept`.
 fn measure_vignetting(rig: &RigFile, kept: &Path) -> Result<(), CliError> {
     // Checked before asking for the diffuser.
-    store::load(kept, rig.identity).map_err(CliError::of)?;
+    store::load(kept, rig.identity)?;
     let flat = if rig.simulation().is_some() {
-        let (mut devices, witness) = simulated::open(rig).map_err(CliError::of)?;
+        let (mut devices, witness) = simulated::open(rig)?;
         let even = Frame::filled(rig.photo_grid().sensor, FULL_SCALE / 2.0);
         witness.put_before_lens(Some(&even));
         diffuser::measure(rig, &mut devices, kept, &mut || {})?
@@ -187,8 +183,7 @@ fn choose_setting(
     kept: &Path,
     wanted: OperatingPoint,
 ) -> Result<(), CliError> {
-    let mut test_rig = TestRig::on(rig.clone(), devices, &calibration, Monotonic::seconds)
-        .map_err(CliError::of)?;
+    let mut test_rig = TestRig::on(rig.clone(), devices, &calibration, Monotonic::seconds)?;
     let (mut done, all) = (0, restorations(rig, wanted) as u64);
     let words = "choosing the operating point";
     progress::show(done, all, words);
@@ -199,8 +194,8 @@ fn choose_setting(
         progress::show(done, all, &format!("{words}: {done} of {all}"));
     });
     progress::clear();
-    let chosen = chosen.map_err(CliError::of)?.ok_or(CliError::NothingScored)?;
-    operating_point::save(kept, rig, &chosen).map_err(CliError::of)?;
+    let chosen = chosen?.ok_or(CliError::NothingScored)?;
+    operating_point::save(kept, rig, &chosen)?;
     say(&format!("operating point {chosen}"));
     Ok(())
 }

@@ -43,14 +43,14 @@ pub(super) fn run(options: &ChartOptions) -> Result<(), CliError> {
     std::fs::create_dir_all(out).map_err(|e| CliError::writing(out, e))?;
     let clock = processor_seconds;
     let (mut test_rig, shown) = if rig.simulation().is_some() {
-        (TestRig::open(rig.clone(), clock).map_err(CliError::of)?, None)
+        (TestRig::open(rig.clone(), clock)?, None)
     } else {
         let kept = opening::calibration_folder(&options.folder.folder);
-        let calibration = store::load(&kept, rig.identity).map_err(CliError::of)?;
+        let calibration = store::load(&kept, rig.identity)?;
         let devices = opening::devices(&rig)?;
         let test_rig = TestRig::on(rig.clone(), devices, &calibration, clock);
         let remark = "The scenes were shown on the rig's own panel.".to_owned();
-        (test_rig.map_err(CliError::of)?, Some(remark))
+        (test_rig?, Some(remark))
     };
     let plan = ChartPlan::new(&rig, *quick);
     let (mut done, all) = (0, plan.restorations() as u64);
@@ -63,7 +63,7 @@ pub(super) fn run(options: &ChartOptions) -> Result<(), CliError> {
     progress::clear();
     let mut notes = vec![made_by(options)];
     notes.extend(shown);
-    let chart = Chart::new(&rig, &trade.map_err(CliError::of)?, &notes);
+    let chart = Chart::new(&rig, &trade?, &notes);
     let write = |name: String, text: String| {
         let path = out.join(name);
         std::fs::write(&path, text).map_err(|e| CliError::writing(&path, e))

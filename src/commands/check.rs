@@ -83,10 +83,10 @@ fn examine(options: &CheckOptions, rig: &RigFile, found: &mut CheckLines) -> Res
             false => "none: frames are identified by their time",
         },
     );
-    let timing = diagnosis::measure(&mut devices, rig).map_err(CliError::of)?;
+    let timing = diagnosis::measure(&mut devices, rig)?;
     found.say(timing.to_string().trim_end());
     faults.extend(timing.faults());
-    let range = diagnosis::measure_range(&mut devices, rig).map_err(CliError::of)?;
+    let range = diagnosis::measure_range(&mut devices, rig)?;
     found.row("range", &range.to_string());
     faults.extend(range.fault());
     let rejected = devices.rejected();
@@ -99,7 +99,7 @@ fn examine(options: &CheckOptions, rig: &RigFile, found: &mut CheckLines) -> Res
             let (generation, captures) = (calibration.generation, calibration.captures);
             found.row("calibration", &format!("generation {generation}, {captures} captures"));
             faults.extend(calibration.warning());
-            Pipeline::new(rig, &calibration).map_err(CliError::of)?;
+            Pipeline::new(rig, &calibration)?;
         }
         Err(error) => {
             found.row("calibration", "none that can be used");

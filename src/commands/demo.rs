@@ -103,7 +103,7 @@ fn write_photo_and_scene(
         None => photograph::file_of(rig, &taken.codes, format, name)?,
     };
     let manner = Manner::plain(format, 8, rig.photo.curve);
-    let scene = encode(name, &taken.shaded, &manner, false).map_err(CliError::of)?;
+    let scene = encode(name, &taken.shaded, &manner, false)?;
     let scene_name = match is_raw {
         true => Path::new(name).with_extension("png"),
         false => PathBuf::from(name),
@@ -116,7 +116,7 @@ fn write_photo_and_scene(
 
 /// SSIM and PSNR, dB, of the picture at `path` against the scene of `taken`.
 fn quality(path: &Path, rig: &RigFile, taken: &Taken) -> Result<(f64, f64), CliError> {
-    let picture = Photo::read(path, rig.photo.curve, &Limits::default()).map_err(CliError::of)?;
+    let picture = Photo::read(path, rig.photo.curve, &Limits::default())?;
     let tone = Tone::of_curve(config::Curve::Srgb, 8);
     let [picture, scene] =
         [&picture.in_colour(), &taken.shaded].map(|light| display_luminance(&tone, light));

@@ -3,10 +3,16 @@
 use std::io;
 use std::path::{Path, PathBuf};
 
+use relens::calibration::store::StoreError;
+use relens::chart::test_rig::TestRigError;
 use relens::config::ConfigError;
 use relens::daemon::{DaemonError, FolderError};
 use relens::disk::FileError;
-use relens::remedy::{AnyFailure, Remediable, Remedy, full_message};
+use relens::picture::PictureError;
+use relens::pipeline::PipelineError;
+use relens::remedy::{AnyFailure, Remedy, full_message};
+use relens::restorer::operating_point::OperatingPointError;
+use relens::rig::RigError;
 
 /// Why a command failed.
 #[derive(Debug, thiserror::Error)]
@@ -60,8 +66,6 @@ pub(super) enum CliError {
     Writing(PathBuf, #[source] io::Error),
     #[error("{failed} of {all} photos were not restored")]
     SomeFailed { failed: usize, all: usize },
-    #[error(transparent)]
-    Folder(#[from] DaemonError),
     #[error("cannot handle signals")]
     Signals(#[source] io::Error),
     #[error("no operating point was chosen: no setting restored the scenes shown")]
@@ -97,7 +101,6 @@ impl CliError {
         match self {
             CliError::Writing(..) | CliError::StandardInput(_) | CliError::SomeFailed { .. } => 1,
             CliError::Signals(_) | CliError::NothingScored | CliError::Faults(_) => 3,
-            CliError::Folder(error) => of(error.remedy()),
             CliError::Failed(error) => of(error.remedy()),
             CliError::OfPhoto(_, error) => error.exit_code(),
             _ => 2,
@@ -107,7 +110,6 @@ impl CliError {
     /// The remedy to show on the panel.
     pub(super) fn what_to_do(&self) -> &'static str {
         match self {
-            CliError::Folder(error) => error.what_to_do(),
             CliError::Failed(error) => error.what_to_do(),
             _ => Remedy::CallOperator.what_to_do(),
         }
@@ -121,29 +123,22 @@ impl CliError {
             _ => CliError::Writing(path, source),
         }
     }
-
-    /// Wraps any error with a remedy.
-    pub(super) fn of(error: impl Remediable + Send + Sync + 'static) -> CliError {
-        CliError::Failed(Box::new(error))
-    }
 }
 
-impl From<FolderError> for CliError {
-    fn from(error: FolderError) -> Self {
-        CliError::Folder(error.into())
-    }
+/// Conversions of errors with a remedy.
+macro_rules! failures {
+    ($($error:ty)*) => {$(
+        impl From<$error> for CliError {
+            fn from(error: $error) -> CliError {
+                CliError::Failed(error.into())
+            }
+        }
+    )*};
 }
 
-impl From<FileError> for CliError {
-    fn from(error: FileError) -> Self {
-        CliError::Folder(error.into())
-    }
-}
-
-impl From<AnyFailure> for CliError {
-    fn from(error: AnyFailure) -> Self {
-        CliError::Failed(error)
-    }
+failures! {
+    AnyFailure DaemonError FileError FolderError OperatingPointError PictureError PipelineError
+    RigError StoreError TestRigError
 }
 
 #[cfg(test)]

@@ -31,7 +31,7 @@ pub(super) fn restorer(
     let kept = calibration_folder(folder);
     if let Err(error) = store::load(&kept, rig.identity) {
         if rig.simulation().is_none() {
-            return Err(CliError::of(error));
+            return Err(error.into());
         }
         log::info!("calibrating the simulated rig {} ({error})", rig.name);
         let asked = interrupted.as_ref();
@@ -48,14 +48,14 @@ pub(super) fn restorer(
 }
 
 pub(super) fn devices(rig: &RigFile) -> Result<Devices, CliError> {
-    relens::rig::open(rig).map_err(CliError::of)
+    Ok(relens::rig::open(rig)?)
 }
 
 /// The devices of `rig`, whose panel need not be in view; a simulated one is.
 pub(super) fn devices_without_panel(rig: &RigFile) -> Result<Devices, CliError> {
     match rig.simulation() {
         Some(_) => devices(rig),
-        None => relens::rig::open_without_marks(rig).map_err(CliError::of),
+        None => Ok(relens::rig::open_without_marks(rig)?),
     }
 }
 

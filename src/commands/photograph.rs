@@ -37,8 +37,7 @@ pub(super) fn run(options: &PhotographOptions) -> Result<(), CliError> {
     let rig = config::load(&options.rig.rig)?.unbinned();
     let format = format_of(&options.out)?;
     must_be_new(&options.out)?;
-    let sharp =
-        Photo::read(&options.scene, rig.photo.curve, &Limits::default()).map_err(CliError::of)?;
+    let sharp = Photo::read(&options.scene, rig.photo.curve, &Limits::default())?;
     let taken = photos(&rig, &[cut(&sharp.in_colour(), rig.photo.size())])?;
     write_new(&options.out, &file_of(&rig, &taken[0].codes, format, &sharp.name)?)
 }
@@ -58,7 +57,7 @@ pub(super) fn photos(rig: &RigFile, scenes: &[Frame<Work>]) -> Result<Vec<Taken>
     let Some(simulation) = rig.simulation() else {
         return Err(CliError::NotSimulated(rig.name.clone()));
     };
-    let (_, witness) = simulated::open(rig).map_err(CliError::of)?;
+    let (_, witness) = simulated::open(rig)?;
     let all = scenes.len() as u64;
     let each = |(done, (scene, seed))| {
         progress::show(done, all, "photographing");
@@ -92,5 +91,5 @@ pub(super) fn file_of(
 ) -> Result<Vec<u8>, CliError> {
     let manner = Manner::plain(format, 8, rig.photo.curve);
     let light = Frame::from_fn(|channel| manner.tone.plane(channel, codes.plane(channel)));
-    encode(name, &light, &manner, false).map_err(CliError::of)
+    Ok(encode(name, &light, &manner, false)?)
 }

@@ -57,10 +57,7 @@ pub(super) struct RestoreOptions {
     report: Option<PathBuf>,
 }
 
-/// Checks the place of results before any photo is read.
-///
-/// # Errors
-/// When several photos have no folder, or the result's file exists or has no format's ending.
+/// Checks before any photo is read: several need a folder, and one a new file of a known format.
 fn check_place(RestoreOptions { photos, out, .. }: &RestoreOptions) -> Result<(), CliError> {
     if out.is_dir() {
         return Ok(());
@@ -182,9 +179,9 @@ fn read(path: &Path, rig: &RigFile) -> Result<ReadPhoto, CliError> {
         (STANDARD_INPUT.into(), bytes)
     } else {
         let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy();
-        (name, bytes_of(path, &limits).map_err(CliError::of)?)
+        (name, bytes_of(path, &limits)?)
     };
-    let photo = reading.photo_of_bytes(&name, &bytes).map_err(CliError::of)?;
+    let photo = reading.photo_of_bytes(&name, &bytes)?;
     Ok(ReadPhoto { photo, bytes })
 }
 
@@ -208,7 +205,7 @@ fn restore(
     match written {
         None => destination.write(&bytes)?,
         Some(format) => {
-            let bytes = photo.with_picture(&outcome.picture, format).map_err(CliError::of)?;
+            let bytes = photo.with_picture(&outcome.picture, format)?;
             destination.write(&bytes)?;
         }
     }

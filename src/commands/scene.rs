@@ -21,7 +21,7 @@ use super::opening;
 
 /// The picture at `path` on the sensor of `rig`, as by a perfect lens.
 pub(super) fn read(rig: &RigFile, path: &Path) -> Result<Frame<Work>, CliError> {
-    let sharp = Photo::read(path, rig.photo.curve, &Limits::default()).map_err(CliError::of)?;
+    let sharp = Photo::read(path, rig.photo.curve, &Limits::default())?;
     Ok(cut(&sharp.in_colour(), rig.photo_grid().sensor))
 }
 
@@ -35,9 +35,9 @@ pub(super) fn restorer_before(
 ) -> Result<Box<dyn Restorer>, CliError> {
     let mut witness = None;
     let open = |rig: &RigFile| {
-        let (mut devices, opened) = simulated::open(rig).map_err(CliError::of)?;
+        let (mut devices, opened) = simulated::open(rig)?;
         if let Some(place) = MarkPlace::of(rig) {
-            devices.find_marks(place).map_err(CliError::of)?;
+            devices.find_marks(place)?;
         }
         witness = Some(opened);
         Ok(devices)

@@ -102,15 +102,14 @@ pub(super) fn run(options: &ShootOptions) -> Result<(), CliError> {
     let range = rigged.sensor.range;
     let gain = set_gain(&mut rigged, options.gain)?;
     let times = set_exposure(&mut rigged.devices, mosaic, range, options.exposure)?;
-    let mut shot =
-        shoot(&mut rigged.devices, mosaic, range, options.frames).map_err(CliError::of)?;
+    let mut shot = shoot(&mut rigged.devices, mosaic, range, options.frames)?;
     if let Some(frames) = options.dark {
         let dark = shoot_dark(&rig, &mut rigged, range, frames)?;
         shot = shot.without_dark(&dark, range);
     }
     let exposure_s = times * rig.camera.exposure_ms / 1000.0;
     let bytes = match (format, mosaic) {
-        (Some(format), _) => developed(&rig, &shot, range, format).map_err(CliError::of)?,
+        (Some(format), _) => developed(&rig, &shot, range, format)?,
         (None, Some(mosaic)) => raw_file(&rig, &shot, mosaic, &rigged.sensor, exposure_s),
         (None, None) => return Err(CliError::NoFilters(rig.name)),
     };
@@ -166,7 +165,7 @@ fn open_before_scene(file: &RigFile, options: &ShootOptions) -> Result<Rigged, C
     match (file.simulation(), &options.scene) {
         (Some(_), Some(scene)) => {
             let scene = scene::read(file, scene)?;
-            let (devices, witness) = simulated::open(file).map_err(CliError::of)?;
+            let (devices, witness) = simulated::open(file)?;
             witness.put_before_lens(Some(&scene));
             let (black, max) = (witness.black_level_counts(), file.camera.count_max());
             let (range, noise) = (CountRange { black, max }, Some(witness.site_noise()));
@@ -178,8 +177,8 @@ fn open_before_scene(file: &RigFile, options: &ShootOptions) -> Result<Rigged, C
         (None, None) => {
             // The camera's black level and noise come from the calibration.
             let kept = opening::calibration_folder(&options.folder.folder);
-            let calibration = store::load(&kept, file.identity).map_err(CliError::of)?;
-            let devices = rig::open_without_marks(file).map_err(CliError::of)?;
+            let calibration = store::load(&kept, file.identity)?;
+            let devices = rig::open_without_marks(file)?;
             let sensor = SensorFacts::of(file, &calibration);
             Ok(Rigged { devices, witness: None, sensor })
         }
@@ -205,7 +204,7 @@ fn shoot_dark(
         }
     }
     let mosaic = file.mosaic();
-    let dark = shoot(&mut rigged.devices, mosaic, range, frames).map_err(CliError::of)?;
+    let dark = shoot(&mut rigged.devices, mosaic, range, frames)?;
     match dark.is_dark(mosaic, range) {
         true => Ok(dark),
         false => Err(CliError::NotDark(100.0 * dark.brightness(mosaic, range))),
@@ -217,11 +216,11 @@ fn set_gain(rigged: &mut Rigged, times: f64) -> Result<f64, CliError> {
     if times == 1.0 {
         return Ok(times);
     }
-    let set = rigged.devices.camera.amplify_times(times).map_err(CliError::of)?;
+    let set = rigged.devices.camera.amplify_times(times)?;
     let times = set.ok_or(CliError::FixedGain)?;
     rigged.sensor.noise = rigged.sensor.noise.map(|noise| noise.amplified(times));
     // The first frame after a change may have the old gain.
-    rigged.devices.expose().map_err(CliError::of)?;
+    rigged.devices.expose()?;
     Ok(times)
 }
 
@@ -234,16 +233,16 @@ fn set_exposure(
 ) -> Result<f64, CliError> {
     match exposure {
         PhotoExposure::Times(1.0) => Ok(1.0),
-        PhotoExposure::Times(times) => match devices.expose_times(times).map_err(CliError::of)? {
+        PhotoExposure::Times(times) => match devices.expose_times(times)? {
             true => {
                 // The first frame after a change may have the old exposure.
-                devices.expose().map_err(CliError::of)?;
+                devices.expose()?;
                 Ok(times)
             }
             false => Err(CliError::FixedExposure),
         },
-        PhotoExposure::Auto => meter(devices, mosaic, range, PROPOSED)
-            .map_err(CliError::of)?
-            .ok_or(CliError::FixedExposure),
+        PhotoExposure::Auto => {
+            meter(devices, mosaic, range, PROPOSED)?.ok_or(CliError::FixedExposure)
+        }
     }
 }

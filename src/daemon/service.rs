@@ -11,7 +11,6 @@ use std::os::unix::net::{SocketAddr, UnixDatagram};
 use std::sync::{Mutex, PoisonError};
 
 use super::report::state::Doing;
-use super::store::claim::JobStep;
 use super::watcher::Watcher;
 use crate::restorer::Progress;
 
@@ -100,10 +99,6 @@ impl Watcher for Supervised<'_> {
         let words = format!("{}: {}, {} captures", self.photo, progress.doing, progress.captures);
         self.manager.status(&words);
         self.inner.progress(progress);
-    }
-
-    fn step(&mut self, step: JobStep) {
-        self.inner.step(step);
     }
 
     fn ended(&mut self) {

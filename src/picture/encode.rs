@@ -26,8 +26,8 @@ pub fn encode(
     manner: &Manner,
     grey: bool,
 ) -> Result<Vec<u8>, PictureError> {
-    encoded(picture, manner, grey, QUALITY)
-        .map_err(|source| PictureError::Encode { name: name.to_owned(), source })
+    let encoded = encoded(picture, manner, grey, QUALITY);
+    encoded.map_err(|source| PictureError::Encode { name: name.to_owned(), source })
 }
 
 impl Photo {
