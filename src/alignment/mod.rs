@@ -59,9 +59,6 @@ pub struct RigView<'a> {
 
 impl<'a> RigView<'a> {
     /// Opens the view of `rig`, whose devices need no marks, and captures the camera's black.
-    ///
-    /// # Errors
-    /// When a capture fails.
     pub fn new(devices: &'a mut Devices, rig: &RigFile) -> Result<RigView<'a>, RigError> {
         let panel = devices.panel.size();
         let sites = GreenSites::behind(rig.mosaic());
@@ -84,9 +81,6 @@ impl<'a> RigView<'a> {
 
     /// Exposes the focus pattern once more; twice, after settling, if the panel showed another
     /// picture.
-    ///
-    /// # Errors
-    /// When a capture fails.
     pub fn measure_focus(&mut self) -> Result<FocusReading, RigError> {
         let first = match self.last.take() {
             Some(counts) => counts,
@@ -100,9 +94,6 @@ impl<'a> RigView<'a> {
     }
 
     /// Captures white.
-    ///
-    /// # Errors
-    /// When the capture fails.
     pub fn measure_brightness(&mut self) -> Result<Brightness, RigError> {
         let white = Codes::filled(self.devices.panel.size(), 255);
         let counts = self.capture(&white)?;
@@ -120,9 +111,6 @@ impl<'a> RigView<'a> {
     }
 
     /// Captures the dots: the position of the panel; `None` if its middle is not in view.
-    ///
-    /// # Errors
-    /// When the capture fails.
     pub fn measure_aim(&mut self) -> Result<Option<Aim>, RigError> {
         let panel = self.devices.panel.size();
         self.last = None;

@@ -78,10 +78,7 @@ fn corners(
     Ok(corners)
 }
 
-/// Checks how far the board has moved.
-///
-/// # Errors
-/// [`CalibrateError::Moving`] if it moved too far or too fast.
+/// Checks that the board has moved neither too far nor too fast.
 pub(super) fn check_place(session: &mut Session<'_>, board: &Board) -> Result<(), CalibrateError> {
     let again = corners(session, &board.near, &board.black)?;
     let at_px = judge::displacement(&board.corners, &again);

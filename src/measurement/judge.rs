@@ -17,9 +17,6 @@ const CORNERS_MIN: f64 = 0.5;
 
 /// Checks exposure and view by captures of white and black, in the rows where `is_used` holds;
 /// others are never white.
-///
-/// # Errors
-/// Over-exposed, too dark, or not in view.
 pub(super) fn exposure(
     white: &Counts,
     black: &Counts,
@@ -59,9 +56,6 @@ pub(super) fn exposure(
 }
 
 /// Checks that black after white is as dark as black before it, in the rows where `is_used` holds.
-///
-/// # Errors
-/// [`CalibrateError::TooSoon`].
 pub(super) fn settled(
     white: &Counts,
     blacks: [&Counts; 2],
@@ -110,9 +104,6 @@ pub(super) fn board(error: CheckerboardError) -> CalibrateError {
 }
 
 /// Checks the focus by the number of corners found: contrast without corners means blur.
-///
-/// # Errors
-/// [`CalibrateError::WrongFocus`].
 pub(super) fn corners(found: usize, expected: usize) -> Result<(), CalibrateError> {
     if (found as f64) < CORNERS_MIN * expected as f64 {
         return Err(CalibrateError::WrongFocus(
@@ -138,9 +129,6 @@ pub(super) fn displacement(first: &[Pair], second: &[Pair]) -> (f64, f64) {
 
 /// Checks that a pattern's capture repeats: its RMS `difference` against the expected `noise` of
 /// one capture, both in grey levels.
-///
-/// # Errors
-/// [`CalibrateError::Moving`].
 pub(super) fn repeats(difference: f64, noise: f64) -> Result<(), CalibrateError> {
     // √2 for the noise of both captures, and half as much again for its variation with light.
     let allowed = 1.5 * std::f64::consts::SQRT_2 * noise;
@@ -153,9 +141,6 @@ pub(super) fn repeats(difference: f64, noise: f64) -> Result<(), CalibrateError>
 }
 
 /// Judges the linearity of `channel`.
-///
-/// # Errors
-/// [`CalibrateError::NotLinear`].
 pub(super) fn straight(channel: Channel, linearity: &Linearity) -> Result<(), CalibrateError> {
     match linearity.bend() {
         None => Ok(()),
@@ -177,9 +162,6 @@ pub(super) fn no_curve() -> CalibrateError {
 }
 
 /// Checks that the panel covers the whole canvas.
-///
-/// # Errors
-/// [`CalibrateError::NotInView`].
 pub(super) fn on_panel(geometry: &Geometry, panel: Size) -> Result<(), CalibrateError> {
     let d = geometry.work_to_panel.x.domain();
     for (x, y) in [(d.left, d.top), (d.right, d.top), (d.left, d.bottom), (d.right, d.bottom)] {
@@ -198,9 +180,6 @@ pub(super) fn on_panel(geometry: &Geometry, panel: Size) -> Result<(), Calibrate
 
 /// Checks the focus by the RMS radius of the sharpest lens function, fitted on a support of
 /// `support_px`; the rig file's is `written_px`.
-///
-/// # Errors
-/// [`CalibrateError::WrongFocus`].
 pub(super) fn focus(
     radius_px: f64,
     support_px: f64,

@@ -28,9 +28,6 @@ pub(super) struct PanelPlace {
 }
 
 /// Checks that the panel moved neither too far nor too fast between `places`, in order.
-///
-/// # Errors
-/// [`CalibrateError::Moving`].
 pub(super) fn check(places: &[PanelPlace]) -> Result<(), CalibrateError> {
     let distance =
         |a: &PanelPlace, b: &PanelPlace| (a.at_px.0 - b.at_px.0).hypot(a.at_px.1 - b.at_px.1);

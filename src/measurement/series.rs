@@ -35,15 +35,17 @@ const GREY_BORDER_PX: usize = 2;
 pub(super) fn squares(session: &Session<'_>, n: usize) -> Frame<Work> {
     let size = session.layout.canvas();
     let widest = (size.width.min(size.height) / 2).max(1);
-    let side =
-        (SQUARES[n % BROAD_PATTERNS] * session.config.calibration.function_support_px).min(widest);
+    let side = SQUARES[n % BROAD_PATTERNS] * session.config.calibration.function_support_px;
+    random_squares(size, 300, n, side.min(widest))
+}
+
+/// The `n`-th picture of a series of random squares of `side_px`, different in each channel.
+fn random_squares(size: Size, series: u64, n: usize, side_px: usize) -> Frame<Work> {
+    let coarse = Size::new(size.width.div_ceil(side_px), size.height.div_ceil(side_px));
     Frame::from_fn(|c| {
-        let seed = patterns::nth_seed(300, (3 * n + c.index()) as u64);
-        let signs = patterns::pseudo_random(
-            Size::new(size.width.div_ceil(side), size.height.div_ceil(side)),
-            seed,
-        );
-        Plane::from_fn(size, |x, y| AMPLITUDE * signs.at(x / side, y / side))
+        let seed = patterns::nth_seed(series, (3 * n + c.index()) as u64);
+        let signs = patterns::pseudo_random(coarse, seed);
+        Plane::from_fn(size, |x, y| AMPLITUDE * signs.at(x / side_px, y / side_px))
     })
 }
 
@@ -56,19 +58,16 @@ pub(super) fn pattern(
     pixel_px: usize,
 ) -> Frame<Work> {
     let size = session.layout.canvas();
-    let coarse = Size::new(size.width / pixel_px, size.height / pixel_px);
-    Frame::from_fn(|c| {
-        let seed = patterns::nth_seed(series, (3 * n + c.index()) as u64);
-        let signs = patterns::pseudo_random(coarse, seed);
-        Plane::from_fn(size, |x, y| {
-            let to_border = x.min(y).min(size.width - 1 - x).min(size.height - 1 - y);
-            if to_border < GREY_BORDER_PX {
-                0.0
-            } else {
-                AMPLITUDE * signs.at(x / pixel_px, y / pixel_px)
+    let mut pattern = random_squares(size, series, n, pixel_px);
+    let is_inside = |at: usize, side: usize| at >= GREY_BORDER_PX && at + GREY_BORDER_PX < side;
+    for plane in pattern.planes_mut() {
+        for (y, x) in (0..size.height).flat_map(|y| (0..size.width).map(move |x| (y, x))) {
+            if !is_inside(x, size.width) || !is_inside(y, size.height) {
+                plane.set(x, y, 0.0);
             }
-        })
-    })
+        }
+    }
+    pattern
 }
 
 /// The generator of a series of pseudo-random patterns.
@@ -170,9 +169,6 @@ impl Series<'_> {
     /// Fits the places of the panel in the captures to their predictions by `model`, whose
     /// functions are off centre by `off_px`, and moves what was shown there; false if the panel
     /// stayed where it was thought to be.
-    ///
-    /// # Errors
-    /// [`CalibrateError::GivenUp`] after a cancellation.
     pub(super) fn follow(
         &mut self,
         session: &mut Session<'_>,

@@ -73,10 +73,7 @@ impl<'a> Session<'a> {
         self.given_up |= (self.watch)(self.progress).is_break();
     }
 
-    /// Reports progress.
-    ///
-    /// # Errors
-    /// [`CalibrateError::GivenUp`] after a cancellation.
+    /// Reports progress; fails after a cancellation.
     pub(super) fn go_on(&mut self) -> Result<(), CalibrateError> {
         self.report();
         if self.given_up { Err(CalibrateError::GivenUp) } else { Ok(()) }

@@ -20,9 +20,6 @@ pub(super) struct Flats {
 }
 
 /// Captures the flats, if the rig file asks for them; first of all, as the panel drifts meanwhile.
-///
-/// # Errors
-/// When a capture fails.
 pub(super) fn expose(session: &mut Session<'_>) -> Result<Option<Flats>, CalibrateError> {
     let flats = session.config.calibration.response_flats;
     if flats == 0 {
@@ -36,9 +33,6 @@ pub(super) fn expose(session: &mut Session<'_>) -> Result<Option<Flats>, Calibra
 }
 
 /// Fits the response pattern to `flats`, given geometry and black level.
-///
-/// # Errors
-/// [`CalibrateError::BadSites`].
 pub(super) fn pattern(
     session: &Session<'_>,
     calibration: &mut Calibration,
