@@ -107,7 +107,7 @@ fn blurred_as_blue(model: &LensModel, green: &Plane) -> Plane {
         seen
     };
     let mut residual = through(Channel::Green, green);
-    residual.data_mut().iter_mut().zip(green.data()).for_each(|(v, g)| *v = g - *v);
+    residual.update(green, |v, g| *v = g - *v);
     let inverse = model.local_inverse(Channel::Green, EPSILON, Density::Full);
     let mut sharp = Plane::zeros(green.size());
     model.invert(&inverse, &residual, &mut sharp);
@@ -131,7 +131,7 @@ fn blue_residual(photo: &Observation, green: &Plane, width_px: f32) -> Plane {
 /// Details of `plane`, smoothed as residuals are.
 fn details_of(plane: &Plane, width_px: f32) -> Plane {
     let mut details = blur(plane, REACH * width_px);
-    details.data_mut().iter_mut().zip(plane.data()).for_each(|(v, of)| *v = of - *v);
+    details.update(plane, |v, of| *v = of - *v);
     blur(&details, SMOOTHED * width_px)
 }
 

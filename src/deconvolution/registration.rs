@@ -71,9 +71,9 @@ pub struct OffsetRegistration {
 pub fn common_mask(trust: &Frame<Work, u8>, seen: &Frame<Work, u8>) -> Frame<Work, u8> {
     Frame::from_fn(|c| {
         let mut mask = trust.plane(c).clone();
-        for (mask, &seen) in mask.data_mut().iter_mut().zip(seen.plane(c).data()) {
+        mask.update(seen.plane(c), |mask, seen| {
             *mask = if *mask != MISSING && seen == TRUSTED { TRUSTED } else { MISSING };
-        }
+        });
         mask
     })
 }

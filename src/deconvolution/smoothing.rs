@@ -85,8 +85,7 @@ fn filled(values: &Plane, weights: &Plane) -> Plane {
     let mut weighted = values.clone();
     weighted.multiply(weights);
     let (mut means, weights_of_four) = (halve(&weighted), halve(weights));
-    let pairs = means.data_mut().iter_mut().zip(weights_of_four.data());
-    pairs.for_each(|(mean, &weight)| *mean /= if weight > 0.0 { weight } else { 1.0 });
+    means.update(&weights_of_four, |mean, w| *mean /= if w > 0.0 { w } else { 1.0 });
     let coarse = filled(&means, &weights_of_four);
     // Three quarters of the square around a pixel, a quarter of the nearest other one.
     let near = |at: usize, length: usize| {

@@ -145,6 +145,12 @@ impl<T: Copy + Default> Plane<T> {
         Plane { size: self.size, data: self.data.iter().copied().map(change).collect() }
     }
 
+    /// Changes each pixel by the same pixel of `other`.
+    pub fn update<U: Copy>(&mut self, other: &Plane<U>, mut change: impl FnMut(&mut T, U)) {
+        debug_assert_eq!(self.size, other.size);
+        self.data.iter_mut().zip(&other.data).for_each(|(own, &other)| change(own, other));
+    }
+
     /// Copies the pixels in `rect`, which must lie inside the plane.
     pub fn crop(&self, rect: Rect) -> Plane<T> {
         let mut data = Vec::with_capacity(rect.size.area());
@@ -158,10 +164,7 @@ impl<T: Copy + Default> Plane<T> {
 impl Plane<f32> {
     /// Adds `weight` × `other` pixel by pixel.
     pub fn add_scaled(&mut self, weight: f32, other: &Plane<f32>) {
-        debug_assert_eq!(self.size, other.size);
-        for (a, b) in self.data.iter_mut().zip(&other.data) {
-            *a += weight * b;
-        }
+        self.update(other, |own, other| *own += weight * other);
     }
 
     /// Multiplies every pixel by `factor`.
@@ -171,8 +174,7 @@ impl Plane<f32> {
 
     /// Multiplies by `other` pixel by pixel.
     pub fn multiply(&mut self, other: &Plane<f32>) {
-        debug_assert_eq!(self.size, other.size);
-        self.data.iter_mut().zip(&other.data).for_each(|(a, b)| *a *= b);
+        self.update(other, |own, other| *own *= other);
     }
 
     /// Dot product with `other`, accumulated in `f64`.

@@ -84,6 +84,12 @@ impl<S, T: Copy + Default> Frame<S, T> {
         &mut self.planes[channel.index()]
     }
 
+    /// Changes each pixel by the same pixel of `other`.
+    pub fn update<U: Copy>(&mut self, other: &Frame<S, U>, mut change: impl FnMut(&mut T, U)) {
+        let pairs = self.planes.iter_mut().zip(&other.planes);
+        pairs.for_each(|(own, other)| own.update(other, &mut change));
+    }
+
     /// Copies the pixels in `rect`, which must lie inside the frame.
     pub fn crop(&self, rect: Rect) -> Self {
         Self::from_fn(|c| self.plane(c).crop(rect))

@@ -45,7 +45,7 @@ use crate::deconvolution::method::WAVELET_LEVELS;
 use crate::frame::{Codes, Frame, SensorSpace};
 use crate::rig::exposure::Devices;
 use crate::rig::frame_mark::MarkPlace;
-use session::{Session, numbers};
+use session::Session;
 
 /// Calibrates `rig`, described by `config`; the result's generation follows that of `previous`.
 /// `watch` is called after each capture and cancels the calibration by [`ControlFlow::Break`].
@@ -84,27 +84,18 @@ pub fn calibrate(
 
 /// Number of captures of a calibration of `config`.
 pub fn captures(config: &config::RigFile) -> u32 {
-    let board = match config.calibration.geometry {
-        config::Alignment::Checkerboard => {
-            (1 + 1 + 1, lens::CENTRINGS * (1 + lens::CENTRING_PATTERNS))
-        }
-        config::Alignment::OneToOne => (0, 0),
-    };
-    let broad = if config.calibration.broad_term { 1 + series::BROAD_PATTERNS } else { 0 };
-    let averaged = broad
-        + board.0
-        + 3
-        + 3 * photometric::GRADATIONS
-        + board.1
-        + 1
-        + config.calibration.patterns
+    let asked = &config.calibration;
+    let only_if = |needed: bool, captures: usize| if needed { captures } else { 0 };
+    let has_board = asked.geometry == config::Alignment::Checkerboard;
+    let centring = lens::CENTRINGS * (1 + lens::CENTRING_PATTERNS);
+    let averaged = only_if(has_board, 3 + centring)
+        + (3 + 3 * photometric::GRADATIONS + 1 + asked.patterns)
+        + only_if(asked.broad_term, 1 + series::BROAD_PATTERNS)
         + 5;
-    let straight = if config.calibration.linearity { linearity::CAPTURES } else { 0 };
-    let flats = match config.calibration.response_flats {
-        0 => 0,
-        flats => sites::DARKS + flats,
-    };
-    (3 + straight + flats + averaged * config.calibration.captures_averaged.max(1)) as u32
+    let once = 3
+        + only_if(asked.linearity, linearity::CAPTURES)
+        + only_if(asked.response_flats > 0, sites::DARKS + asked.response_flats);
+    (once + averaged * asked.captures_averaged.max(1)) as u32
 }
 
 /// A calibration with `geometry` and neutral values.
@@ -152,9 +143,7 @@ fn trials(session: &mut Session<'_>) -> Result<Frame<SensorSpace>, CalibrateErro
     judge::exposure(&white, &first, session.layout.saturated, &is_used)?;
     let second = session.raw(&Codes::filled(panel, 0))?;
     judge::settled(&white, [&first, &second], &is_used)?;
-    let (mut black, second) = (numbers(&first), numbers(&second));
-    for (a, b) in black.planes_mut().iter_mut().zip(second.planes()) {
-        a.data_mut().iter_mut().zip(b.data()).for_each(|(a, b)| *a = (*a + b) / 2.0);
-    }
+    let mut black = Frame::from_fn(|c| first.plane(c).map(f32::from));
+    black.update(&second, |black, count| *black = (*black + f32::from(count)) / 2.0);
     Ok(black)
 }

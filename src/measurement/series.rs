@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::CalibrateError;
 use super::motion::{self, PanelPlace};
-use super::session::{Session, difference, rim_px, trust_both};
+use super::session::{Session, difference, rim_px};
 use crate::calibration::lens_blur::{self, Shot};
 use crate::calibration::{Correction, dark_corner};
 use crate::deconvolution::data_term::TRUSTED;
@@ -140,7 +140,7 @@ pub(super) fn shoot<'a>(
         let mut seen = session.seen(correction, &on_grey(&shown))?;
         places.push(PanelPlace { capture: session.captures(), at_px: (0.0, 0.0) });
         remove_beat(session, correction, &mut seen, &shown);
-        trust_both(&mut trusted, &seen.trusted);
+        trusted.update(&seen.trusted, |all, trusted| *all &= trusted);
         if first.is_none() {
             first = Some(seen.light.plane(Channel::Green).clone());
         }
@@ -292,11 +292,8 @@ fn pattern_gain(
     let border = session.config.calibration.function_support_px / 2;
     let canvas = session.layout.canvas();
     let inner = |side: usize| side.saturating_sub(2 * border);
-    let predicted = Frame::from_fn(|c| {
-        let mut plane = flat.plane(c).clone();
-        plane.add_scaled(1.0, shown.plane(c));
-        plane
-    });
+    let mut predicted = flat.clone();
+    predicted.update(shown, |light, shown| *light += shown);
     let comparison = Comparison {
         seen: &seen.light,
         predicted: &predicted,

@@ -10,7 +10,7 @@ use crate::calibration::surface::Surface;
 use crate::calibration::{CameraCurve, Correction, Layout, dark_corner};
 use crate::config;
 use crate::deconvolution::forward_convolution::Seen;
-use crate::frame::{Channel, Codes, Counts, Frame, Plane, SensorSpace, Work};
+use crate::frame::{Codes, Counts, Frame, Plane, SensorSpace, Work};
 use crate::rig::RigError;
 use crate::rig::exposure::Devices;
 
@@ -129,11 +129,7 @@ impl<'a> Session<'a> {
         let mut sum = Frame::<SensorSpace>::zeros(self.layout.sensor);
         for _ in 0..times {
             let counts = self.raw(codes)?;
-            for (sum, counts) in sum.planes_mut().iter_mut().zip(counts.planes()) {
-                for (s, &c) in sum.data_mut().iter_mut().zip(counts.data()) {
-                    *s += f32::from(c) / times as f32;
-                }
-            }
+            sum.update(&counts, |sum, count| *sum += f32::from(count) / times as f32);
         }
         for plane in sum.planes_mut() {
             plane.data_mut().iter_mut().for_each(|count| *count = self.curve.count(*count));
@@ -153,9 +149,7 @@ impl<'a> Session<'a> {
         for _ in 1..exposures {
             let failed = self.failed();
             let more = self.rig.expose().map_err(failed)?.counts;
-            for (sum, more) in sums.planes_mut().iter_mut().zip(more.planes()) {
-                sum.data_mut().iter_mut().zip(more.data()).for_each(|(s, &c)| *s += u32::from(c));
-            }
+            sums.update(&more, |sum, count| *sum += u32::from(count));
             self.rig.camera.give_back(more);
             self.progress.captures += 1;
             self.go_on()?;
@@ -177,28 +171,14 @@ impl<'a> Session<'a> {
         let mut sum = correction.see(&self.raw(&codes)?);
         for _ in 1..times {
             let next = correction.see(&self.raw(&codes)?);
-            for c in Channel::ALL {
-                sum.light.plane_mut(c).add_scaled(1.0, next.light.plane(c));
-            }
-            trust_both(&mut sum.trusted, &next.trusted);
+            sum.light.update(&next.light, |sum, light| *sum += light);
+            sum.trusted.update(&next.trusted, |all, trusted| *all &= trusted);
         }
         for plane in sum.light.planes_mut() {
             plane.data_mut().iter_mut().for_each(|v| *v /= times as f32);
         }
         Ok(sum)
     }
-}
-
-/// Trusts what both `trusted` and `other` do.
-pub(super) fn trust_both(trusted: &mut Frame<Work, u8>, other: &Frame<Work, u8>) {
-    for (trusted, other) in trusted.planes_mut().iter_mut().zip(other.planes()) {
-        trusted.data_mut().iter_mut().zip(other.data()).for_each(|(a, &b)| *a &= b);
-    }
-}
-
-/// `counts` as floating-point numbers.
-pub(super) fn numbers(counts: &Counts) -> Frame<SensorSpace> {
-    Frame::from_fn(|c| counts.plane(c).map(f32::from))
 }
 
 /// `a` − `b`.

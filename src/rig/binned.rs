@@ -34,8 +34,7 @@ impl BinnedCamera {
             let plane = counts.plane(c);
             let clipped = is_any(plane, by, |count| count >= count_max);
             let mut means = bin(plane, by).map(|mean: f32| mean.round() as u16);
-            let all = means.data_mut().iter_mut().zip(clipped.data());
-            all.filter(|(_, clipped)| **clipped).for_each(|(mean, _)| *mean = count_max);
+            means.update(&clipped, |mean, clipped| *mean = if clipped { count_max } else { *mean });
             means
         })
     }

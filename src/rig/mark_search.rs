@@ -53,18 +53,17 @@ fn learn_marks(
     panel: Size,
     shoot: &mut Shoot,
 ) -> Result<FrameMarks, RigError> {
-    let mut marks = FrameMarks::new(place, geometry, panel).ok_or_else(|| RigError::NoMarks {
-        what: "the panel does not fill the sensor's upper and lower edge, where the marks are"
-            .to_owned(),
+    let mut marks = FrameMarks::new(place, geometry, panel).ok_or_else(|| {
+        let what = "the panel does not fill the sensor's upper and lower edge, where the marks are";
+        RigError::NoMarks { what: what.to_owned() }
     })?;
     for round in 0..ROUNDS {
         // Each bit is light in some of these numbers and dark in others.
         let number = |n: usize| (n * 37 + round * 101) as u8;
         let mut frames = Vec::with_capacity(LEARNED);
-        for n in 0..LEARNED {
-            if let Some(counts) = show_mark(&marks, panel, number(n), shoot)? {
-                frames.push((number(n), counts));
-            }
+        for number in (0..LEARNED).map(number) {
+            let seen = show_mark(&marks, panel, number, shoot)?;
+            frames.extend(seen.map(|counts| (number, counts)));
         }
         if frames.len() * 2 <= LEARNED || !marks.learn(&frames) {
             continue;
@@ -73,20 +72,16 @@ fn learn_marks(
         for n in 0..LEARNED {
             let number = number(n).wrapping_add(128);
             let seen = show_mark(&marks, panel, number, shoot)?;
-            right += usize::from(
-                seen.is_some_and(|counts| marks.read(&counts) == MarkReading::Number(number)),
-            );
+            let is_read = |counts| marks.read(&counts) == MarkReading::Number(number);
+            right += usize::from(seen.is_some_and(is_read));
         }
         if right * 2 > LEARNED {
             return Ok(marks);
         }
     }
-    Err(RigError::NoMarks {
-        what:
-            "the marks at the sensor's upper and lower edge cannot be read. Is the picture sharp \
-         and bright enough there?"
-                .to_owned(),
-    })
+    let what = "the marks at the sensor's upper and lower edge cannot be read. Is the picture \
+                sharp and bright enough there?";
+    Err(RigError::NoMarks { what: what.to_owned() })
 }
 
 fn show_mark(
@@ -191,30 +186,21 @@ fn spots(sensor: Size, frames: &[(Place, Plane<u16>)]) -> Vec<(Place, Place)> {
     // The minimum over all frames contains no dot.
     let mut dark = Plane::filled(sensor, u16::MAX);
     for (_, frame) in frames {
-        dark.data_mut()
-            .iter_mut()
-            .zip(frame.data())
-            .for_each(|(least, &count)| *least = (*least).min(count));
+        dark.update(frame, |least, count| *least = count.min(*least));
     }
-    let seen: Vec<(Place, BrightSpot)> = frames
-        .iter()
-        .filter_map(|(centre, frame)| Some((*centre, BrightSpot::in_frame(frame, &dark)?)))
-        .collect();
+    let spot = |(at, frame): &(Place, _)| Some((*at, BrightSpot::in_frame(frame, &dark)?));
+    let seen: Vec<(Place, BrightSpot)> = frames.iter().filter_map(spot).collect();
     let brightest = seen.iter().map(|(_, spot)| spot.height).fold(0.0, f64::max);
-    seen.iter()
-        .filter(|(_, spot)| spot.whole && spot.height > DOT_BRIGHTNESS_MIN * brightest)
-        .map(|(centre, spot)| (*centre, spot.centre))
-        .collect()
+    let bright = |spot: &BrightSpot| spot.whole && spot.height > DOT_BRIGHTNESS_MIN * brightest;
+    let all = seen.into_iter().filter(|(_, spot)| bright(spot));
+    all.map(|(at, spot)| (at, spot.centre)).collect()
 }
 
 fn dot(panel: Size, centre: Place, side: f64) -> Codes {
     let near = |at: usize, centre: f64| (at as f64 - centre).abs() <= side / 2.0;
-    let plane =
-        Plane::from_fn(
-            panel,
-            |x, y| if near(x, centre[0]) && near(y, centre[1]) { 255 } else { 0 },
-        );
-    Codes::from_planes([plane.clone(), plane.clone(), plane])
+    let lit = |x, y| if near(x, centre[0]) && near(y, centre[1]) { 255 } else { 0 };
+    let plane = Plane::from_fn(panel, lit);
+    Codes::from_fn(|_| plane.clone())
 }
 
 /// Brightest spot of a frame.
@@ -245,11 +231,8 @@ impl BrightSpot {
                 whole &= x > 1 && y > 1 && x + 2 < width && y + 2 < height;
             }
         }
-        (mass > 0.0).then(|| BrightSpot {
-            centre: [sum[0] / mass, sum[1] / mass],
-            height: peak,
-            whole,
-        })
+        let centre = [sum[0] / mass, sum[1] / mass];
+        (mass > 0.0).then_some(BrightSpot { centre, height: peak, whole })
     }
 }
 

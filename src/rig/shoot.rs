@@ -111,14 +111,12 @@ impl PhotoShot {
         self.dark_share += dark.noise_share;
         let (range, coarser) = (self.range(range), self.finer - dark.finer);
         let black = range.black.round() as i32;
-        for (plane, dark) in self.counts.planes_mut().iter_mut().zip(dark.counts.planes()) {
-            for (count, &dark) in plane.data_mut().iter_mut().zip(dark.data()) {
-                if *count < range.max {
-                    let light = i32::from(*count) - (i32::from(dark) << coarser) + black;
-                    *count = light.clamp(0, i32::from(range.max) - 1) as u16;
-                }
+        self.counts.update(&dark.counts, |count, dark| {
+            if *count < range.max {
+                let light = i32::from(*count) - (i32::from(dark) << coarser) + black;
+                *count = light.clamp(0, i32::from(range.max) - 1) as u16;
             }
-        }
+        });
         self
     }
 }

@@ -161,6 +161,6 @@ fn data_step(target: Target<'_>, c: Channel, near: &Plane, residual: &Plane, rat
     weighted.scale(observation.weight(c));
     let mut picture = Plane::zeros(near.size());
     model.invert(&inverse, &weighted, &mut picture);
-    picture.data_mut().iter_mut().zip(near.data()).for_each(|(v, near)| *v = near - *v);
+    picture.update(near, |v, near| *v = near - *v);
     picture
 }

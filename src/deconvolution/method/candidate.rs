@@ -32,10 +32,8 @@ impl Candidate {
 
     /// Moves `alpha` of the way to `corrected` in one channel.
     fn move_channel(&mut self, c: Channel, corrected: &Candidate, alpha: f32, model: &LensModel) {
-        let towards = |plane: &mut Plane, target: &Plane| {
-            let pairs = plane.data_mut().iter_mut().zip(target.data());
-            pairs.for_each(|(v, &t)| *v += alpha * (t - *v));
-        };
+        let towards =
+            |plane: &mut Plane, target: &Plane| plane.update(target, |v, t| *v += alpha * (t - *v));
         let picture = self.picture.plane_mut(c);
         towards(picture, corrected.picture.plane(c));
         picture.data_mut().iter_mut().for_each(|v| *v = v.clamp(0.0, FULL_SCALE));
@@ -49,10 +47,8 @@ impl Candidate {
             let none = || Frame::zeros(defect.size());
             towards(self.defect.get_or_insert_with(none).plane_mut(c), defect.plane(c));
         }
-        let trusted = self.seen.trusted.plane_mut(c).data_mut().iter_mut();
-        trusted
-            .zip(corrected.seen.trusted.plane(c).data())
-            .for_each(|(t, &other)| *t = (*t).min(other));
+        let trusted = corrected.seen.trusted.plane(c);
+        self.seen.trusted.plane_mut(c).update(trusted, |own, other| *own = other.min(*own));
     }
 }
 

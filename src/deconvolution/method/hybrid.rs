@@ -272,9 +272,8 @@ impl<'a> Run<'a> {
         // B − d in place of d, and back.
         let subtract_from_photo = |defect: &mut Frame<Work>| {
             for &c in observation.channels.list() {
-                let photo = observation.light.plane(c).data();
-                let values = defect.plane_mut(c).data_mut().iter_mut();
-                values.zip(photo).for_each(|(value, photo)| *value = photo - *value);
+                let photo = observation.light.plane(c);
+                defect.plane_mut(c).update(photo, |value, photo| *value = photo - *value);
             }
         };
         if let Some(defect) = &mut defect {

@@ -112,11 +112,8 @@ impl Observation {
 
     /// Zeroes `plane` where `channel` has no data.
     pub fn mask(&self, channel: Channel, plane: &mut Plane) {
-        for (v, &t) in plane.data_mut().iter_mut().zip(self.trust.plane(channel).data()) {
-            if t == MISSING {
-                *v = 0.0;
-            }
-        }
+        let trust = self.trust.plane(channel);
+        plane.update(trust, |v, trust| *v = if trust == MISSING { 0.0 } else { *v });
     }
 
     /// RMS over the data of `prediction − B` in one channel, grey levels.
