@@ -269,18 +269,10 @@ impl FrameMarks {
     /// Learns the usual contrast of every bit as the median over `frames`, each with its number.
     /// Returns false if some bit has too little contrast to be read.
     pub fn learn(&mut self, frames: &[(u8, Counts)]) -> bool {
-        let seen: Vec<Contrasts> = frames
-            .iter()
-            .map(|(number, counts)| {
-                let (bits, mut contrasts) = (bits(*number), self.contrasts(counts));
-                for strip in &mut contrasts {
-                    for (contrast, bit) in strip.iter_mut().zip(bits) {
-                        *contrast = if bit { *contrast } else { -*contrast };
-                    }
-                }
-                contrasts
-            })
-            .collect();
+        let as_set = |(number, counts): &(u8, Counts)| {
+            self.contrasts(counts).map(|strip| shares_of(*number, |bit| strip[bit]))
+        };
+        let seen: Vec<Contrasts> = frames.iter().map(as_set).collect();
         for strip in 0..2 {
             for bit in 0..BITS {
                 let mut values: Vec<f32> =
@@ -298,23 +290,19 @@ impl FrameMarks {
     pub fn read(&self, counts: &Counts) -> MarkReading {
         let contrasts = self.contrasts(counts);
         let share = |strip: usize, bit: usize| contrasts[strip][bit] / self.usual[strip][bit];
-        let shares = (0..2).flat_map(|strip| (0..BITS).map(move |bit| (strip, bit)));
+        let shares: Contrasts = [0, 1].map(|strip| std::array::from_fn(|bit| share(strip, bit)));
+        let all = shares.as_flattened();
         // Less than a quarter of the usual contrast is no mark: dark, another screen, panel off.
-        if shares.clone().map(|(strip, bit)| share(strip, bit).abs()).sum::<f32>()
-            < 0.25 * (2 * BITS) as f32
-        {
+        if all.iter().map(|share| share.abs()).sum::<f32>() < 0.25 * all.len() as f32 {
             return MarkReading::Nothing;
         }
-        if shares.into_iter().any(|(strip, bit)| share(strip, bit).abs() < CONTRAST_SHARE_MIN) {
+        if all.iter().any(|share| share.abs() < CONTRAST_SHARE_MIN) {
             return MarkReading::Mixed;
         }
-        let word =
-            |strip: usize| -> [bool; BITS] { std::array::from_fn(|bit| share(strip, bit) > 0.0) };
-        let number = word(0)[..NUMBER_BITS]
-            .iter()
-            .rev()
-            .fold(0u8, |number, &bit| number << 1 | u8::from(bit));
-        if word(0) == word(1) && word(0) == bits(number) {
+        let [upper, lower] = shares.map(|strip| strip.map(|share| share > 0.0));
+        let low_to_high = upper[..NUMBER_BITS].iter().rev();
+        let number = low_to_high.fold(0u8, |number, &bit| number << 1 | u8::from(bit));
+        if upper == lower && upper == bits(number) {
             MarkReading::Number(number)
         } else {
             MarkReading::Mixed

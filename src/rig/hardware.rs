@@ -46,8 +46,8 @@ fn open_trigger(
         TriggerDevice::FreeRunning(_) => Ok(Box::new(FreeRunning(Monotonic))),
         TriggerDevice::Line(name) => {
             let line = OutputLine::open("trigger", name)?;
-            let trigger = PulseTrigger::new(move |on| line.set(on), Monotonic, pulse_us)?;
-            Ok(Box::new(if pulsed { trigger.exposing() } else { trigger }))
+            let set = move |on| line.set(on);
+            Ok(Box::new(PulseTrigger::new(set, Monotonic, pulse_us, pulsed)?))
         }
         TriggerDevice::Pwm(name) => {
             let (root, write) = (Path::new(pwm_trigger::CLASS), pwm_trigger::write_attribute);

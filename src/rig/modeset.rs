@@ -118,11 +118,8 @@ pub(super) fn light_up(
     request.add_property(pipe.crtc, on_crtc.handle("MODE_ID")?, blob);
     request.add_property(pipe.crtc, on_crtc.handle("ACTIVE")?, property::Value::Boolean(true));
     request.add_property(pipe.plane, on_plane.handle("CRTC_ID")?, crtc);
-    request.add_property(
-        pipe.plane,
-        on_plane.handle("FB_ID")?,
-        property::Value::Framebuffer(Some(picture)),
-    );
+    let shown = property::Value::Framebuffer(Some(picture));
+    request.add_property(pipe.plane, on_plane.handle("FB_ID")?, shown);
     let (width, height) = (u64::from(mode.size().0), u64::from(mode.size().1));
     // Source coordinates are 16.16 fixed point; equal source and target sizes avoid a scaler.
     let places = [("SRC_X", 0), ("SRC_Y", 0), ("SRC_W", width << 16), ("SRC_H", height << 16)];

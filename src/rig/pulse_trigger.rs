@@ -22,16 +22,12 @@ pub struct PulseTrigger<S, C> {
 }
 
 impl<S: FnMut(bool) -> io::Result<()>, C: Clock> PulseTrigger<S, C> {
-    /// A trigger whose pulses start exposures; its line is switched off.
-    pub fn new(mut set: S, clock: C, pulse_us: u32) -> Result<Self, RigError> {
+    /// A trigger whose pulses start exposures, or if `exposing` last as long; its line is switched
+    /// off.
+    pub fn new(mut set: S, clock: C, pulse_us: u32, exposing: bool) -> Result<Self, RigError> {
         set(false).map_err(stuck)?;
-        let pulse_s = f64::from(pulse_us) * 1e-6;
-        Ok(PulseTrigger { set, clock, pulse_s, exposure_times: None })
-    }
-
-    /// The same trigger with pulses that last as long as the exposure.
-    pub fn exposing(self) -> Self {
-        PulseTrigger { exposure_times: Some(1.0), ..self }
+        let (pulse_s, exposure_times) = (f64::from(pulse_us) * 1e-6, exposing.then_some(1.0));
+        Ok(PulseTrigger { set, clock, pulse_s, exposure_times })
     }
 }
 
@@ -108,23 +104,29 @@ mod tests {
 
     type Set = Box<dyn FnMut(bool) -> io::Result<()>>;
 
-    fn trigger(
+    struct Given {
         fails: bool,
         pulse_us: u32,
         overrun_s: f64,
-    ) -> (PulseTrigger<Set, LateBoard>, LateBoard) {
+        exposing: bool,
+    }
+
+    const GIVEN: Given = Given { fails: false, pulse_us: 50_000, overrun_s: 0.0, exposing: false };
+
+    fn trigger(given: Given) -> (PulseTrigger<Set, LateBoard>, LateBoard) {
+        let Given { fails, pulse_us, overrun_s, exposing } = given;
         let board = LateBoard { log: Log::default(), now_s: Rc::new(Cell::new(7.0)), overrun_s };
         let log = board.log.clone();
         let set: Set = Box::new(move |on| {
             log.borrow_mut().push(if on { "high" } else { "low" }.to_owned());
             if on && fails { Err(io::ErrorKind::Other.into()) } else { Ok(()) }
         });
-        (PulseTrigger::new(set, board.clone(), pulse_us).unwrap(), board)
+        (PulseTrigger::new(set, board.clone(), pulse_us, exposing).unwrap(), board)
     }
 
     #[test]
     fn a_pulse_is_stamped_before_its_edge_and_ended() {
-        let (mut trigger, board) = trigger(false, 1000, 0.0);
+        let (mut trigger, board) = trigger(Given { pulse_us: 1000, ..GIVEN });
         assert_eq!(trigger.fire().unwrap(), Moment(7.000_002));
         assert_eq!(*board.log.borrow(), ["low", "high", "low"]);
         let took_s = board.now_s.get() - 7.0;
@@ -135,8 +137,7 @@ mod tests {
     fn an_exposure_is_as_long_as_its_pulse_or_an_error() {
         // Most of it is slept, and an overrun shorter than the rest does no harm.
         for (overrun_s, fits) in [(0.0, true), (0.0019, true), (0.003, false)] {
-            let (start, _) = trigger(false, 50_000, overrun_s);
-            let mut exposing = start.exposing();
+            let (mut exposing, _) = trigger(Given { overrun_s, exposing: true, ..GIVEN });
             match exposing.fire() {
                 Ok(_) => assert!(fits, "{overrun_s}"),
                 Err(RigError::PulseLength { found_ms, wanted_ms }) => {
@@ -146,7 +147,7 @@ mod tests {
                 Err(other) => panic!("{other}"),
             }
             // A pulse that only starts the exposure may be longer.
-            let (mut start, _) = trigger(false, 50_000, overrun_s);
+            let (mut start, _) = trigger(Given { overrun_s, ..GIVEN });
             assert!(start.fire().is_ok());
         }
     }
@@ -154,8 +155,8 @@ mod tests {
     #[test]
     fn an_exposing_pulse_follows_the_exposure_and_another_does_not() {
         for (exposes, length_s) in [(true, 0.015), (false, 0.005)] {
-            let (start, board) = trigger(false, 5000, 0.0);
-            let mut trigger = if exposes { start.exposing() } else { start };
+            let (mut trigger, board) =
+                trigger(Given { pulse_us: 5000, exposing: exposes, ..GIVEN });
             trigger.expose_times(3.0);
             let before_s = board.now_s.get();
             trigger.fire().unwrap();
@@ -165,7 +166,7 @@ mod tests {
 
     #[test]
     fn a_line_that_cannot_be_driven_is_an_error() {
-        let (mut trigger, _) = trigger(true, 1, 0.0);
+        let (mut trigger, _) = trigger(Given { fails: true, ..GIVEN });
         assert!(matches!(trigger.fire(), Err(RigError::Gone { device: "trigger", .. })));
     }
 }

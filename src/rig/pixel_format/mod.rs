@@ -128,15 +128,27 @@ impl PixelFormat {
     /// Format of a code for counts of `bits`. Fewer than 16 bits in a format of 16 are the upper
     /// ones (rp1-cfe and other CSI-2 receivers). `None` if the format has another depth.
     pub fn from_code_and_bits(code: &str, bits: u8) -> Option<Self> {
-        let format = Self::from_code(code)?;
-        let narrowed = match format {
-            PixelFormat::Grey(samples) => PixelFormat::Grey(samples.in_upper(bits)),
+        let narrowed = Self::from_code(code)?.with_samples(|samples| samples.in_upper(bits));
+        (narrowed.bits() == bits).then_some(narrowed)
+    }
+
+    /// Coding of the samples, where there is one per pixel.
+    fn samples(self) -> Option<Samples> {
+        match self {
+            PixelFormat::Grey(samples) | PixelFormat::Bayer { samples, .. } => Some(samples),
+            _ => None,
+        }
+    }
+
+    /// The format with another coding of its samples.
+    fn with_samples(self, change: impl Fn(Samples) -> Samples) -> Self {
+        match self {
+            PixelFormat::Grey(samples) => PixelFormat::Grey(change(samples)),
             PixelFormat::Bayer { mosaic, samples } => {
-                PixelFormat::Bayer { mosaic, samples: samples.in_upper(bits) }
+                PixelFormat::Bayer { mosaic, samples: change(samples) }
             }
             other => other,
-        };
-        (narrowed.bits() == bits).then_some(narrowed)
+        }
     }
 
     /// Format of the rig's camera; `None` if it is not supported, or for a simulated camera without
@@ -172,13 +184,7 @@ impl PixelFormat {
 
     /// Four-character code without trailing blanks.
     pub fn code(self) -> &'static str {
-        let whole = match self {
-            PixelFormat::Grey(samples) => PixelFormat::Grey(samples.whole()),
-            PixelFormat::Bayer { mosaic, samples } => {
-                PixelFormat::Bayer { mosaic, samples: samples.whole() }
-            }
-            other => other,
-        };
+        let whole = self.with_samples(Samples::whole);
         Self::ALL.iter().find(|&&(_, format)| format == whole).map_or("?", |&(name, _)| name)
     }
 
@@ -190,21 +196,12 @@ impl PixelFormat {
 
     /// Bits of one count.
     pub fn bits(self) -> u8 {
-        match self {
-            PixelFormat::Grey(samples) | PixelFormat::Bayer { samples, .. } => samples.bits(),
-            PixelFormat::Rgb24 | PixelFormat::Bgr24 => 8,
-            PixelFormat::YCbCr(_) | PixelFormat::Jpeg => 8,
-        }
+        self.samples().map_or(8, Samples::bits)
     }
 
     /// Whether rows of `width` pixels end with a byte in every packing.
     pub fn has_whole_rows(self, width: usize) -> bool {
-        match self {
-            PixelFormat::Grey(samples) | PixelFormat::Bayer { samples, .. } => {
-                samples.has_whole_rows(width)
-            }
-            _ => true,
-        }
+        self.samples().is_none_or(|samples| samples.has_whole_rows(width))
     }
 
     /// Bytes of a row of `width` pixels, without padding.

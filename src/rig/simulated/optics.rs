@@ -112,7 +112,6 @@ pub(super) struct Optics {
     pub(super) sensor: Size,
     pub(super) photo: Rect,
     pub(super) pad: usize,
-    pub(super) support_px: usize,
     traced: Box<TracedFunctions>,
     axes: [Axis; 2],
     glare: Glare,
@@ -131,25 +130,19 @@ impl Optics {
     ) -> Result<Optics, RigError> {
         let prescription = &simulation.lens;
         let traced = Box::new(TracedFunctions::new(prescription, simulation, sensor)?);
-        let support_px = prescription.support_px;
-        let pad = support_px / 2;
+        let pad = prescription.support_px / 2;
         let axes = [
             spread(sensor.width, prescription.node_columns, pad),
             spread(sensor.height, prescription.node_rows, pad),
         ];
         let (convolutions, dark_corners) = Default::default();
         let glare = simulation.glare;
-        Ok(Optics {
-            sensor,
-            photo,
-            pad,
-            support_px,
-            traced,
-            axes,
-            glare,
-            convolutions,
-            dark_corners,
-        })
+        Ok(Optics { sensor, photo, pad, traced, axes, glare, convolutions, dark_corners })
+    }
+
+    /// Width and height of a function.
+    pub(super) fn support_px(&self) -> usize {
+        self.traced.prescription.support_px
     }
 
     /// Prepares captures.
@@ -196,7 +189,7 @@ impl Optics {
     /// The function of `channel` for a point seen at sensor place `at`, row-major, and the share of
     /// light outside its support.
     pub(super) fn function(&self, light: Light, channel: Channel, at: [f64; 2]) -> (Vec<f32>, f64) {
-        self.traced.fan(light).function(channel, self.relative_to_axis(at), self.support_px)
+        self.traced.fan(light).function(channel, self.relative_to_axis(at), self.support_px())
     }
 
     /// Optical transfer function of `channel` at sensor place `at` in the panel's light, for a
@@ -212,7 +205,7 @@ impl Optics {
 
     fn convolution(&self, light: Light) -> &Convolution {
         once(&self.convolutions[light as usize], || {
-            Convolution::new(self.grid(), self.axes, self.support_px, |channel, column, row| {
+            Convolution::new(self.grid(), self.axes, self.support_px(), |channel, column, row| {
                 let place = |axis: Axis, n: usize| axis.place(n) - self.pad as f64;
                 let at = [place(self.axes[0], column), place(self.axes[1], row)];
                 self.function(light, channel, at).0
@@ -257,7 +250,7 @@ impl Optics {
                     "the simulated lens throws {percent:.1} % of a corner's {} light beyond \
                      lens.support-px = {}",
                     channel.name(),
-                    self.support_px
+                    self.support_px()
                 );
             }
         }

@@ -44,17 +44,9 @@ impl PanelMap {
         let right = turn * Vector3::new(scale, 0.0, 0.0);
         let down = turn * Vector3::new(0.0, scale, 0.0);
         // Perspective: division by the depth, 1 + z/distance.
-        let to_sensor = Matrix3::new(
-            right.x,
-            down.x,
-            pose.shift_x_px,
-            right.y,
-            down.y,
-            pose.shift_y_px,
-            right.z / distance_px,
-            down.z / distance_px,
-            1.0,
-        );
+        let seen = |step: Vector3<f64>| Vector3::new(step.x, step.y, step.z / distance_px);
+        let shift = Vector3::new(pose.shift_x_px, pose.shift_y_px, 1.0);
+        let to_sensor = Matrix3::from_columns(&[seen(right), seen(down), shift]);
         // Invertible, since each rotation is at most 5°.
         let to_panel = to_sensor.try_inverse().unwrap_or_else(Matrix3::identity);
         let (panel_centre, axis) = (centre(panel), centre(sensor));

@@ -93,10 +93,9 @@ impl Focused {
     /// wavelength, with equal weights for all rays through the stop, as in the study.
     pub(super) fn spot(&self, object_mm: f64, wavelength_nm: f64) -> (f64, f64) {
         let indices = self.lens.indices(wavelength_nm);
-        let arrivals: Vec<Arrival> = square_pupil(SPOT_CELLS)
-            .iter()
-            .filter_map(|&p| self.arrival(object_mm, p, &indices))
-            .collect();
+        let pupil = square_pupil(SPOT_CELLS).into_iter();
+        let arrivals: Vec<Arrival> =
+            pupil.filter_map(|place| self.arrival(object_mm, place, &indices)).collect();
         let n = arrivals.len().max(1) as f64;
         let height = arrivals.iter().map(|a| a.out_mm).sum::<f64>() / n;
         let square: f64 =

@@ -171,22 +171,11 @@ impl SimulatedSensor {
         fill: impl Fn(Channel, usize, &mut [f32]) + Sync,
         code: impl Fn(f32) -> T + Sync,
     ) -> Plane<T> {
-        let Size { width, .. } = reading.part.size;
-        let mut codes: Plane<T> = Plane::zeros(reading.part.size);
-        codes.data_mut().par_chunks_mut(width).enumerate().for_each_init(
-            || vec![0.0f32; width],
-            |levels, (y, row)| {
-                fill(channel, y, levels);
-                self.apply_pattern(channel, reading.part, y, levels);
-                let part = (y * Channel::ALL.len() + channel.index()) as u64;
-                let Readout { seed, stream, number, .. } = reading;
-                self.add_noise(levels, random(seed, stream, number, part));
-                for (to, &level) in row.iter_mut().zip(levels.iter()) {
-                    *to = code(level);
-                }
-            },
-        );
-        codes
+        let fill = |y: usize, levels: &mut [f32]| {
+            fill(channel, y, levels);
+            self.apply_pattern(channel, reading.part, y, levels);
+        };
+        self.codes(reading, channel.index(), fill, code)
     }
 
     /// Raw counts of a sensor with colour filters `mosaic`.
@@ -196,29 +185,40 @@ impl SimulatedSensor {
         reading: Readout,
         fill: impl Fn(Channel, usize, &mut [f32]) + Sync,
     ) -> Plane<u16> {
-        let Rect { x: left, y: top, size } = reading.part;
-        let mosaic = mosaic.from_place(left, top);
-        let mut sites: Plane<u16> = Plane::zeros(size);
-        sites.data_mut().par_chunks_mut(size.width).enumerate().for_each_init(
-            || [vec![0.0f32; size.width], vec![0.0f32; size.width]],
-            |[levels, own], (y, row)| {
-                for start in 0..2 {
-                    let channel = mosaic.colour_at(start, y);
-                    fill(channel, y, own);
-                    self.apply_pattern(channel, reading.part, y, own);
-                    for x in (start..size.width).step_by(2) {
-                        levels[x] = own[x];
-                    }
+        let mosaic = mosaic.from_place(reading.part.x, reading.part.y);
+        let fill = |y: usize, levels: &mut [f32]| {
+            let mut own = vec![0.0; levels.len()];
+            for start in 0..2 {
+                let channel = mosaic.colour_at(start, y);
+                fill(channel, y, &mut own);
+                self.apply_pattern(channel, reading.part, y, &mut own);
+                for x in (start..levels.len()).step_by(2) {
+                    levels[x] = own[x];
                 }
-                let Readout { seed, stream, number, .. } = reading;
-                let part = (y * Channel::ALL.len()) as u64;
+            }
+        };
+        self.codes(reading, 0, fill, |level| self.count(level))
+    }
+
+    /// Rows written by `fill`, with noise of the random streams of `plane`, converted by `code`.
+    fn codes<T: Copy + Default + Send>(
+        &self,
+        Readout { part: Rect { size, .. }, seed, stream, number }: Readout,
+        plane: usize,
+        fill: impl Fn(usize, &mut [f32]) + Sync,
+        code: impl Fn(f32) -> T + Sync,
+    ) -> Plane<T> {
+        let mut codes: Plane<T> = Plane::zeros(size);
+        codes.data_mut().par_chunks_mut(size.width).enumerate().for_each_init(
+            || vec![0.0f32; size.width],
+            |levels, (y, row)| {
+                fill(y, levels);
+                let part = (y * Channel::ALL.len() + plane) as u64;
                 self.add_noise(levels, random(seed, stream, number, part));
-                for (to, &level) in row.iter_mut().zip(levels.iter()) {
-                    *to = self.count(level);
-                }
+                row.iter_mut().zip(levels).for_each(|(to, level)| *to = code(*level));
             },
         );
-        sites
+        codes
     }
 
     /// Raw sites as a frame of a device, unpacked like one.

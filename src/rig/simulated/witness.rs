@@ -91,7 +91,7 @@ impl Witness {
 
     /// Point spread function of `channel` at sensor place `at`, with sum 1.
     pub fn function(&self, light: Light, channel: Channel, at: [f64; 2]) -> Plane {
-        let support = self.optics.support_px;
+        let support = self.optics.support_px();
         let (values, _) = self.optics.function(light, channel, at);
         Plane::from_vec(Size::new(support, support), values).unwrap_or_default()
     }

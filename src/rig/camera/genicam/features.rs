@@ -14,42 +14,14 @@ use crate::rig::camera::memory::refused;
 /// Adjustments switched off: the word `Off` of an enumeration, false, or the least number. By SFNC,
 /// then by FLIR, Basler, Daheng, Hikrobot, Allied Vision and The Imaging Source (feature lists of
 /// their manuals; names without a camera at hand are guesses).
-const OFF: [&str; 34] = [
-    "ExposureAuto",
-    "GainAuto",
-    "BlackLevelAuto",
-    "BalanceWhiteAuto",
-    "LUTEnable",
-    "ColorTransformationEnable",
-    "ReverseX",
-    "ReverseY",
-    "TestPattern",
-    "ChunkModeActive",
-    "AcquisitionFrameRateEnable",
-    "AcquisitionFrameRateAuto",
-    "GammaEnable",
-    "GammaEnabled",
-    "SharpeningEnable",
-    "SharpeningAuto",
-    "SharpnessEnabled",
-    "SharpnessEnable",
-    "SharpnessAuto",
-    "SharpnessMode",
-    "BslSharpnessEnhancement",
-    "BslNoiseReduction",
-    "Denoise",
-    "SaturationEnable",
-    "HueEnable",
-    "DefectCorrectStaticEnable",
-    "DefectCorrectionEnable",
-    "DeadPixelCorrect",
-    "CorrectionMode",
-    "ExposureAutoHighlightReduction",
-    "TestImageSelector",
-    "LightSourcePreset",
-    "HDREnable",
-    "DigitalShift",
-];
+const OFF: &str = "\
+    ExposureAuto GainAuto BlackLevelAuto BalanceWhiteAuto LUTEnable ColorTransformationEnable \
+    ReverseX ReverseY TestPattern ChunkModeActive AcquisitionFrameRateEnable \
+    AcquisitionFrameRateAuto GammaEnable GammaEnabled SharpeningEnable SharpeningAuto \
+    SharpnessEnabled SharpnessEnable SharpnessAuto SharpnessMode BslSharpnessEnhancement \
+    BslNoiseReduction Denoise SaturationEnable HueEnable DefectCorrectStaticEnable \
+    DefectCorrectionEnable DeadPixelCorrect CorrectionMode ExposureAutoHighlightReduction \
+    TestImageSelector LightSourcePreset HDREnable DigitalShift";
 
 /// Values that leave the picture unchanged, set where a camera lets them be set.
 const NEUTRAL: [(&str, f64); 5] = [
@@ -65,7 +37,7 @@ const STEP: f64 = 0.003;
 
 /// Switches all adjustments off.
 pub(super) fn settle(device: &Device) -> Result<(), RigError> {
-    for name in OFF.into_iter().filter(|name| is_there(device, name)) {
+    for name in OFF.split_whitespace().filter(|name| is_there(device, name)) {
         switch_off(device, name)?;
     }
     for (name, value) in NEUTRAL {

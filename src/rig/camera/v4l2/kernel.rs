@@ -45,16 +45,6 @@ pub(super) struct NodeIdentity {
     pub(super) streams_pictures: bool,
 }
 
-/// Format chosen by a driver.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Settled {
-    pub(super) width: u32,
-    pub(super) height: u32,
-    pub(super) fourcc: [u8; 4],
-    pub(super) stride_bytes: u32,
-    pub(super) full_range: bool,
-}
-
 /// A control as described by its driver.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Control {
@@ -121,23 +111,16 @@ impl Node {
     }
 
     /// Requests a format and returns the driver's choice, which may differ without an error.
-    pub(super) fn settle(&self, width: u32, height: u32, fourcc: [u8; 4]) -> io::Result<Settled> {
-        let mut format = PictureFormat::new(sys::v4l2_pix_format {
-            width,
-            height,
-            pixelformat: u32::from_le_bytes(fourcc),
-            field: sys::v4l2_field_V4L2_FIELD_NONE,
-            ..zeroed()
-        });
+    pub(super) fn settle(
+        &self,
+        (width, height): (u32, u32),
+        pixelformat: u32,
+    ) -> io::Result<sys::v4l2_pix_format> {
+        let field = sys::v4l2_field_V4L2_FIELD_NONE;
+        let wanted = sys::v4l2_pix_format { width, height, pixelformat, field, ..zeroed() };
+        let mut format = PictureFormat::new(wanted);
         call::<SetFormat>(self, &mut format)?;
-        let pix = format.pix();
-        Ok(Settled {
-            width: pix.width,
-            height: pix.height,
-            fourcc: pix.pixelformat.to_le_bytes(),
-            stride_bytes: pix.bytesperline,
-            full_range: pix.quantization == sys::v4l2_quantization_V4L2_QUANTIZATION_FULL_RANGE,
-        })
+        Ok(format.pix())
     }
 
     /// Frame interval in seconds; `None` if the driver has none.

@@ -18,10 +18,11 @@ use controls::{
 };
 pub use describe::describe;
 use finding::{busy_or, by_card, by_link};
-use kernel::{Node, Settled};
+use kernel::Node;
 use request::is;
 use ring::Ring;
 use rustix::io::Errno;
+use v4l::v4l_sys as sys;
 
 use super::memory::{FrameMemory, gone, not_open, refused};
 use crate::config::{CameraTable, MediaGraph, TriggerDevice, V4l2Device};
@@ -273,7 +274,7 @@ fn start(settings: &CameraSettings) -> Result<(Ring, Opened), RigError> {
         );
     }
     let opened = Opened {
-        stride_bytes: settled.stride_bytes as usize,
+        stride_bytes: settled.bytesperline as usize,
         driver: node.identity().map(|identity| identity.driver).unwrap_or_default(),
         sensor,
         interval_s: interval(&node, settings, 1.0),
@@ -312,18 +313,20 @@ fn start_failed(settings: &CameraSettings, source: std::io::Error) -> RigError {
     }
 }
 
-fn settle_format(node: &Node, settings: &CameraSettings) -> Result<Settled, RigError> {
-    let (width, height) = (settings.size.width as u32, settings.size.height as u32);
-    let fourcc = settings.format.fourcc();
-    let settled =
-        node.settle(width, height, fourcc).map_err(|source| busy_or(source, "take its format"))?;
-    let same = (settled.width, settled.height, settled.fourcc) == (width, height, fourcc);
-    if same && !(settings.format.has_range() && settled.full_range) {
+fn settle_format(node: &Node, settings: &CameraSettings) -> Result<sys::v4l2_pix_format, RigError> {
+    let size = (settings.size.width as u32, settings.size.height as u32);
+    let pixelformat = u32::from_le_bytes(settings.format.fourcc());
+    let settled = node.settle(size, pixelformat);
+    let settled = settled.map_err(|source| busy_or(source, "take its format"))?;
+    let sys::v4l2_pix_format { width, height, quantization, .. } = settled;
+    let full_range = quantization == sys::v4l2_quantization_V4L2_QUANTIZATION_FULL_RANGE;
+    let same = ((width, height), settled.pixelformat) == (size, pixelformat);
+    if same && !(settings.format.has_range() && full_range) {
         return Ok(settled);
     }
-    let Settled { width, height, fourcc, full_range, .. } = settled;
+    let code = settled.pixelformat.to_le_bytes();
     let (code, range) =
-        (String::from_utf8_lossy(&fourcc), if full_range { ", full range" } else { "" });
+        (String::from_utf8_lossy(&code), if full_range { ", full range" } else { "" });
     let allowed = format!(
         "what the driver offers instead ({code} of {width}×{height}{range}); it lists {}",
         node.formats().join(", "),

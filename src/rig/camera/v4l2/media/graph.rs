@@ -1,7 +1,7 @@
 //! A media graph with lookup by name.
 
 use super::super::kernel::text;
-use super::kernel::{ENABLED, IMMUTABLE, Objects};
+use super::kernel::{ENABLED, IMMUTABLE, INTERFACE_LINK, Objects, PAD_LINK};
 use crate::config::entity_and_pad;
 use crate::rig::RigError;
 use crate::rig::camera::memory;
@@ -55,7 +55,7 @@ pub(super) fn refused(found: String, allowed: impl Into<String>) -> RigError {
 impl Graph {
     pub(super) fn of(objects: &Objects) -> Graph {
         let node = |entity: u32| {
-            let links = objects.links.iter().filter(|link| link.is_of_an_interface());
+            let links = objects.links.iter().filter(|link| link.kind() == INTERFACE_LINK);
             let mut own = links.filter(|link| link.sink == entity).map(|link| link.source);
             let interface =
                 own.find_map(|id| objects.interfaces.iter().find(|interface| interface.id == id))?;
@@ -67,7 +67,7 @@ impl Graph {
         };
         let entities = objects.entities.iter();
         let entities = entities.map(|e| Entity { id: e.id, name: text(&e.name), node: node(e.id) });
-        let links = objects.links.iter().filter(|link| link.is_of_pads());
+        let links = objects.links.iter().filter(|link| link.kind() == PAD_LINK);
         let ways = links.filter_map(|link| {
             let (from, to) = (pad(link.source)?, pad(link.sink)?);
             Some(Way { from, to, flags: link.flags })

@@ -19,7 +19,9 @@ const OBJECTS_MAX: u32 = 4096;
 const READINGS_MAX: usize = 8;
 const ACTIVE: u32 = 1;
 const LINK_KIND: u32 = 0xf << 28;
-const INTERFACE_LINK: u32 = 1 << 28;
+/// Kinds of links: from an interface to an entity, and between pads.
+pub(super) const INTERFACE_LINK: u32 = 1 << 28;
+pub(super) const PAD_LINK: u32 = 0;
 /// Flag of an enabled link.
 pub(super) const ENABLED: u32 = 1;
 /// Flag of an immutable link.
@@ -117,12 +119,9 @@ pub(super) struct Objects {
 }
 
 impl GraphLink {
-    pub(super) fn is_of_an_interface(&self) -> bool {
-        self.flags & LINK_KIND == INTERFACE_LINK
-    }
-
-    pub(super) fn is_of_pads(&self) -> bool {
-        self.flags & LINK_KIND == 0
+    /// [`INTERFACE_LINK`] or [`PAD_LINK`].
+    pub(super) fn kind(&self) -> u32 {
+        self.flags & LINK_KIND
     }
 }
 
