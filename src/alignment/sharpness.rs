@@ -83,13 +83,8 @@ impl PairSums {
 pub(super) fn pattern(size: Size) -> Codes {
     let squares = Size::new(size.width.div_ceil(SQUARE_PX), size.height.div_ceil(SQUARE_PX));
     let random = patterns::pseudo_random(squares, PATTERN_SEED);
-    let plane =
-        Plane::from_fn(
-            size,
-            |x, y| {
-                if random.at(x / SQUARE_PX, y / SQUARE_PX) > 0.0 { 255 } else { 0 }
-            },
-        );
+    let is_white = |x, y| random.at(x / SQUARE_PX, y / SQUARE_PX) > 0.0;
+    let plane = Plane::from_fn(size, |x, y| if is_white(x, y) { 255 } else { 0 });
     Frame::from_fn(|_| plane.clone())
 }
 

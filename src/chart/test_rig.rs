@@ -300,20 +300,16 @@ pub fn seen(curve: Curve, channels: Channels, picture: &Frame<Work>) -> Plane {
 
 /// Failure to score.
 #[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)] // The sentences describe them.
 pub enum TestRigError {
-    /// The rig.
     #[error("the rig cannot be opened")]
     Rig(#[from] RigError),
-    /// The calibration.
     #[error("the rig cannot be calibrated")]
     Calibrate(#[from] CalibrateError),
-    /// Rig file and calibration.
     #[error("the calibration does not fit the rig file")]
     Pipeline(#[from] PipelineError),
-    /// A scene on the panel.
     #[error("a scene was shown and not photographed")]
     Shown(#[source] RigError),
-    /// The method.
     #[error("the method gave no picture")]
     Method(#[from] MethodError),
 }

@@ -2,18 +2,9 @@
 
 use clap::{Parser, Subcommand};
 
-use super::align::AlignOptions;
-use super::calibrate::CalibrateOptions;
-use super::chart::ChartOptions;
-use super::check::CheckOptions;
-use super::demo::DemoOptions;
-use super::manual::{CompletionsOptions, ManOptions};
-use super::photograph::PhotographOptions;
-use super::press::PressOptions;
-use super::restore::RestoreOptions;
-use super::run::RunOptions;
-use super::shoot::ShootOptions;
-use super::status::StatusOptions;
+use super::{
+    align, calibrate, chart, check, demo, manual, photograph, press, restore, run, shoot, status,
+};
 
 /// The head of `relens help`.
 fn long_about() -> String {
@@ -58,23 +49,23 @@ pub(super) struct CommandLine {
 /// The commands; each one's file declares its options.
 #[derive(Debug, Subcommand)]
 pub(super) enum Command {
-    Demo(DemoOptions),
-    Run(RunOptions),
-    Calibrate(CalibrateOptions),
-    Restore(RestoreOptions),
-    Shoot(ShootOptions),
-    Photograph(PhotographOptions),
-    Chart(ChartOptions),
-    Align(AlignOptions),
-    Check(CheckOptions),
-    Status(StatusOptions),
-    Press(PressOptions),
+    Demo(demo::DemoOptions),
+    Run(run::RunOptions),
+    Calibrate(calibrate::CalibrateOptions),
+    Restore(restore::RestoreOptions),
+    Shoot(shoot::ShootOptions),
+    Photograph(photograph::PhotographOptions),
+    Chart(chart::ChartOptions),
+    Align(align::AlignOptions),
+    Check(check::CheckOptions),
+    Status(status::StatusOptions),
+    Press(press::PressOptions),
     /// Print the version
     Version,
     #[command(hide = true)]
-    Completions(CompletionsOptions),
+    Completions(manual::CompletionsOptions),
     #[command(hide = true)]
-    Man(ManOptions),
+    Man(manual::ManOptions),
 }
 
 #[cfg(test)]

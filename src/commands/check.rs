@@ -76,13 +76,11 @@ fn examine(options: &CheckOptions, rig: &RigFile, found: &mut CheckLines) -> Res
     let mut devices = opening::devices(&diagnosis::patient(rig))?;
     let sizes = format!("{} panel, {} camera", devices.panel.size(), devices.camera.size());
     found.row("devices", &sizes);
-    found.row(
-        "frame marks",
-        match devices.has_marks() {
-            true => "found: each frame is identified",
-            false => "none: frames are identified by their time",
-        },
-    );
+    let marks = match devices.has_marks() {
+        true => "found: each frame is identified",
+        false => "none: frames are identified by their time",
+    };
+    found.row("frame marks", marks);
     let timing = diagnosis::measure(&mut devices, rig)?;
     found.say(timing.to_string().trim_end());
     faults.extend(timing.faults());

@@ -50,11 +50,9 @@ pub(super) fn run(options: &DemoOptions) -> Result<(), CliError> {
     let folders = Folders::open(&free(&options.out))?;
     let root = folders.root.to_owned();
     let (inbox, outbox) = (folders.inbox.to_owned(), folders.outbox.to_owned());
-    say(&format!(
-        "1. photographing four scenes through the bad lens of {RIG} ({})",
-        rig.photo.size()
-    ));
-    let sharp = SCENES_TAKEN.map(|scene| scene.light(rig.photo.size()));
+    let size = rig.photo.size();
+    say(&format!("1. photographing four scenes through the bad lens of {RIG} ({size})"));
+    let sharp = SCENES_TAKEN.map(|scene| scene.light(size));
     let mut taken = photograph::photos(&rig, &sharp)?;
     let names = SCENES_TAKEN.each_ref().map(|&scene| photo_name(scene, rig.mosaic().is_some()));
     let scenes = root.join(SCENES);
@@ -75,8 +73,8 @@ pub(super) fn run(options: &DemoOptions) -> Result<(), CliError> {
         let (ssim_before, db_before) = quality(&root.join("done").join(name), &rig, taken)?;
         let (ssim, db) = quality(&outbox.join(&report.result), &rig, taken)?;
         say(&format!(
-            "{name:13} {:.3}  {:.3}    {:5.2}  {:5.2}    {:5}     {:5.1}",
-            ssim_before, ssim, db_before, db, report.captures, report.seconds
+            "{name:13} {ssim_before:.3}  {ssim:.3}    {db_before:5.2}  {db:5.2}    {:5}     {:5.1}",
+            report.captures, report.seconds
         ));
     }
     for photo in summary.failed.iter().chain(&summary.deferred) {

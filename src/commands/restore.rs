@@ -18,12 +18,7 @@ use super::output::{note, say};
 use super::progress::PhotoProgress;
 
 fn methods() -> impl TypedValueParser<Value = MethodName> {
-    PossibleValuesParser::new(MethodName::ALL.map(MethodName::name)).try_map(|name| {
-        MethodName::ALL
-            .into_iter()
-            .find(|method| method.name() == name)
-            .ok_or("no method of relens")
-    })
+    PossibleValuesParser::new(MethodName::ALL.map(MethodName::name)).try_map(MethodName::try_from)
 }
 
 /// Restore photos
@@ -102,10 +97,8 @@ impl Destination {
     fn write(&self, bytes: &[u8]) -> Result<(), CliError> {
         let Some(file) = &self.file else {
             let mut stdout = std::io::stdout().lock();
-            return stdout
-                .write_all(bytes)
-                .and_then(|()| stdout.flush())
-                .map_err(|e| CliError::writing(self.name(), e));
+            let written = stdout.write_all(bytes).and_then(|()| stdout.flush());
+            return written.map_err(|e| CliError::writing(self.name(), e));
         };
         write_new(file, bytes)
     }

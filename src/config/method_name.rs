@@ -2,7 +2,7 @@
 //!
 //! A method describes itself in its own file of [`crate::deconvolution::method`].
 
-use serde::{Deserialize, Deserializer, Serialize, Serializer, de};
+use serde::{Deserialize, Serialize};
 
 use super::keys::Word;
 use crate::deconvolution::method::{
@@ -13,7 +13,8 @@ use crate::deconvolution::method::{
 macro_rules! method_names {
     ($($(#[doc = $doc:literal])* $method:ident: $about:expr,)*) => {
         /// A method that a rig file can name.
-        #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+        #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+        #[serde(into = "&'static str", try_from = "String")]
         pub enum MethodName { $($(#[doc = $doc])* $method,)* }
 
         impl MethodName {
@@ -53,16 +54,17 @@ impl MethodName {
     }
 }
 
-impl Serialize for MethodName {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        serializer.serialize_str(self.name())
+impl From<MethodName> for &'static str {
+    fn from(method: MethodName) -> &'static str {
+        method.name()
     }
 }
 
-impl<'de> Deserialize<'de> for MethodName {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        let word = String::deserialize(deserializer)?;
+impl TryFrom<String> for MethodName {
+    type Error = String;
+
+    fn try_from(word: String) -> Result<MethodName, String> {
         let named = MethodName::ALL.into_iter().find(|method| method.name() == word);
-        named.ok_or_else(|| de::Error::unknown_variant(&word, &[]))
+        named.ok_or_else(|| format!("found the method {word}, which relens does not have"))
     }
 }

@@ -253,26 +253,20 @@ table! {
     }
 }
 
-impl PhotoTable {
-    /// Width and height.
-    pub fn size(&self) -> Size {
-        Size::new(self.width_px, self.height_px)
-    }
+macro_rules! sizes {
+    ($($table:ident)*) => {$(
+        impl $table {
+            /// Width and height.
+            pub fn size(&self) -> Size {
+                Size::new(self.width_px, self.height_px)
+            }
+        }
+    )*};
 }
 
-impl PanelTable {
-    /// Width and height.
-    pub fn size(&self) -> Size {
-        Size::new(self.width_px, self.height_px)
-    }
-}
+sizes! { PhotoTable PanelTable CameraTable }
 
 impl CameraTable {
-    /// Width and height.
-    pub fn size(&self) -> Size {
-        Size::new(self.width_px, self.height_px)
-    }
-
     /// Largest count, 2^bits − 1.
     pub fn count_max(&self) -> u16 {
         ((1u32 << self.bits) - 1) as u16

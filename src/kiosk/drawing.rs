@@ -62,21 +62,20 @@ impl Sheet {
         lettering::set(text, at, height_px, &mut |x, y, share| self.blend(x, y, colour, share));
     }
 
-    /// Draws `picture` (linear light 0..255) centred in a box, as large as fits; returns its
-    /// position and size.
+    /// Draws `picture` (linear light 0..255) centred in a box, as large as fits; returns its place.
     pub(super) fn picture(
         &mut self,
         picture: &Frame<Work>,
         (left, top): (i32, i32),
         (width, height): (i32, i32),
-    ) -> ((i32, i32), (i32, i32)) {
+    ) -> (i32, i32) {
         let size = picture.size();
         let scale = (width as f32 / size.width as f32).min(height as f32 / size.height as f32);
         let drawn = ((size.width as f32 * scale) as i32, (size.height as f32 * scale) as i32);
         let place = (left + (width - drawn.0) / 2, top + (height - drawn.1) / 2);
         let [wide, high] = [drawn.0, drawn.1].map(|px| usize::try_from(px).unwrap_or(0));
         if wide == 0 || high == 0 {
-            return (place, drawn);
+            return place;
         }
         let shown = Channel::ALL.map(|c| resize(picture.plane(c), Size::new(wide, high)));
         for y in 0..high {
@@ -85,7 +84,7 @@ impl Sheet {
                 self.blend(place.0 + x as i32, place.1 + y as i32, colour, 1.0);
             }
         }
-        (place, drawn)
+        place
     }
 }
 

@@ -266,7 +266,7 @@ fn draw_pair(sheet: &mut Sheet, pair: PhotoPair<'_>, tall_px: f32, ground: Panel
         [(pair.before, "before"), (pair.after, "after")].into_iter().enumerate()
     {
         let left = n as i32 * (size.width as i32 - half);
-        let (place, _) = sheet.picture(picture, (left, 0), (half, tall.ceil() as i32));
+        let place = sheet.picture(picture, (left, 0), (half, tall.ceil() as i32));
         let px = 0.045 * size.height as f32;
         let (wide, high) = ((lettering::width(word, px) + px) as i32, (1.3 * px) as i32);
         let corner = (place.0, tall as i32 - high);

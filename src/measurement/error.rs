@@ -19,36 +19,25 @@ pub(super) const RESIDUAL_MAX: f64 = 0.004;
 
 /// Why a calibration failed. The stored calibration stays.
 #[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)] // The sentences describe them.
 pub enum CalibrateError {
-    /// The calibration was cancelled.
     #[error("cancelled")]
     GivenUp,
-    /// No thread could be started.
     #[error("cannot start a thread to compute")]
     NoThread(#[source] std::io::Error),
-    /// A capture failed.
     #[error("a capture failed in calibration step `{step}`")]
-    Rig {
-        /// The step.
-        step: &'static str,
-        /// The cause.
-        #[source]
-        source: RigError,
-    },
-    /// The panel does not fill the camera's view: the finding.
+    Rig { step: &'static str, source: RigError },
     #[error(
         "panel not in view: {0}; switch the panel on, and aim the camera so that the panel fills \
          its picture"
     )]
     NotInView(String),
-    /// White saturates the sensor: saturated share in the brightest cell.
     #[error(
         "over-exposed: {:.0} % of the pixels in the brightest part of white are saturated, allowed \
          {:.0} %; shorten the exposure, dim the panel, or keep other light away",
         100.0 * .0, 100.0 * SATURATED_MAX
     )]
     OverExposed(f64),
-    /// White has too little contrast to black: white over black, of full scale.
     #[error(
         "too dark: white is {:.1} % of full scale above black, at least {:.0} % are needed; \
          lengthen the exposure, brighten the panel, or check that camera.bits in the rig file is \
@@ -56,56 +45,41 @@ pub enum CalibrateError {
         100.0 * .0, 100.0 * CONTRAST_MIN
     )]
     TooDark(f64),
-    /// Frames still show the previous picture: residual share of white in black.
     #[error(
         "panel.settle-ms is too short: a frame still shows {:.1} % of the previous picture, \
          allowed {:.1} %; run `relens check` for the right value",
         100.0 * .0, 100.0 * RESIDUAL_MAX
     )]
     TooSoon(f64),
-    /// The panel moved or its light changed: the motion found, and that allowed.
     #[error("moving: {0}, allowed {1}; bolt panel and camera down and let the table rest")]
     Moving(String, String),
-    /// The picture is too blurred: the finding, and what is allowed.
     #[error("wrong focus: {0}, allowed {1}; focus the camera on the panel")]
     WrongFocus(String, String),
-    /// A channel does not respond to the panel: the finding.
     #[error(
         "the {name} channel does not respond to the panel: {found}; run `relens check` to see \
          whether panel.settle-ms is too short or the panel is out of view",
         name = .0.name(), found = .1
     )]
     Response(Channel, String),
-    /// The counts of a channel are not linear in light: the finding, with what is allowed.
     #[error(
         "the camera's counts are not linear in light: in the {name} channel {found}; switch off \
          its gamma and contrast, or use its raw pictures",
         name = .0.name(), found = .1
     )]
     NotLinear(Channel, String),
-    /// The sensor has too many bad sites: their share.
     #[error(
         "{:.1} % of the sensor's sites are hot or dead, allowed {:.0} %; clean the sensor's \
          window, cool the camera, or shorten the exposure",
         100.0 * .0, 100.0 * BAD_SHARE_MAX
     )]
     BadSites(f64),
-    /// A smooth surface cannot be fitted.
     #[error(
         "the fit of calibration step `{step}` failed; run `relens check` to see whether \
          panel.settle-ms is too short"
     )]
-    Fit {
-        /// The step.
-        step: &'static str,
-        /// The cause.
-        #[source]
-        source: SurfaceError,
-    },
-    /// The lens functions cannot be fitted.
+    Fit { step: &'static str, source: SurfaceError },
     #[error("the lens functions cannot be measured; run `relens check` on panel and camera")]
     Lens(#[source] LensBlurError),
-    /// The measurements are inconsistent.
     #[error("the measurements are inconsistent")]
     Correction(#[source] CorrectionError),
 }

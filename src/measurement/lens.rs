@@ -78,9 +78,8 @@ pub(super) fn measure(
 fn centre(session: &mut Session<'_>, calibration: &mut Calibration) -> Result<(), CalibrateError> {
     session.step("centring");
     let layout = session.layout;
-    let even = [layout.photo.width, layout.photo.height, layout.margin_px]
-        .iter()
-        .all(|side| side.is_multiple_of(CENTRING_PIXEL_PX));
+    let mut sides = [layout.photo.width, layout.photo.height, layout.margin_px].into_iter();
+    let even = sides.all(|side| side.is_multiple_of(CENTRING_PIXEL_PX));
     let pixel_px = if even { CENTRING_PIXEL_PX } else { 1 };
     let written_px = session.config.calibration.function_support_px;
     let support_px = (CENTRING_SHARE * written_px as f64) as usize | 1;
@@ -195,12 +194,8 @@ fn fitted(
     };
     let fits = session.computed(move || Channel::each(fit))?;
     let [red, green, blue] = fits.map(|taps| taps.map_err(CalibrateError::Lens));
-    Ok(LensFunctions {
-        rows: grid.rows,
-        columns: grid.columns,
-        support_px: grid.support_px,
-        taps: [red?, green?, blue?],
-    })
+    let FunctionGrid { rows, columns, support_px, .. } = grid;
+    Ok(LensFunctions { rows, columns, support_px, taps: [red?, green?, blue?] })
 }
 
 /// Mean centroid of green's `functions`, on pixels of `pixel_px`.

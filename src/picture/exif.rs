@@ -63,12 +63,11 @@ impl Field {
     }
 }
 
-/// The fields of the directory at `at` that are `wanted`.
-fn fields(file: &File<'_>, at: usize, wanted: impl Fn(u16) -> bool) -> Fields {
-    let entries = Directory::read(file, at).map(|directory| directory.entries).unwrap_or_default();
+/// The fields of `directory` that are `wanted`.
+fn fields(file: &File<'_>, directory: &Directory<'_>, wanted: impl Fn(u16) -> bool) -> Fields {
     // The first of two counts.
-    let each = entries.into_iter().rev().filter(|(tag, _)| wanted(*tag));
-    each.filter_map(|(tag, entry)| Some((tag, Field::read(file, entry)?))).collect()
+    let each = directory.entries.iter().rev().filter(|(tag, _)| wanted(*tag));
+    each.filter_map(|&(tag, entry)| Some((tag, Field::read(file, entry)?))).collect()
 }
 
 /// Appends a directory of `fields` to the little-endian file `out`; returns its place.
@@ -99,17 +98,14 @@ fn append(out: &mut Vec<u8>, fields: &Fields) -> u32 {
 /// their EXIF and GPS to `out`. Maker's notes are not carried: they hold places in the file.
 fn describe(file: &File<'_>, from: &[usize], main: &mut Fields, out: &mut Vec<u8>) {
     let (mut exif, mut gps) = (Fields::new(), Fields::new());
-    let below = |directory: usize, tag: u16| {
-        Directory::read(file, directory).ok()?.number(tag).ok().flatten()
-    };
-    for &at in from.iter().rev() {
-        main.extend(fields(file, at, |tag| DESCRIPTIVE.contains(&tag)));
-        exif.extend(fields(file, at, |tag| EXPOSURE.contains(&tag)));
-        if let Some(at) = below(at, EXIF_DIRECTORY) {
-            exif.extend(fields(file, at, |tag| ![INTEROPERABILITY, MAKER_NOTE].contains(&tag)));
+    for first in from.iter().rev().filter_map(|&at| Directory::read(file, at).ok()) {
+        main.extend(fields(file, &first, |tag| DESCRIPTIVE.contains(&tag)));
+        exif.extend(fields(file, &first, |tag| EXPOSURE.contains(&tag)));
+        if let Some(own) = first.below(EXIF_DIRECTORY) {
+            exif.extend(fields(file, &own, |tag| ![INTEROPERABILITY, MAKER_NOTE].contains(&tag)));
         }
-        if let Some(at) = below(at, GPS_DIRECTORY) {
-            gps.extend(fields(file, at, |_| true));
+        if let Some(place) = first.below(GPS_DIRECTORY) {
+            gps.extend(fields(file, &place, |_| true));
         }
     }
     for (tag, fields) in [(EXIF_DIRECTORY, exif), (GPS_DIRECTORY, gps)] {
@@ -139,11 +135,13 @@ pub(super) fn of_tiff(file: &File<'_>, from: &[usize]) -> Option<Vec<u8>> {
 /// written anew, and the places in it stay.
 pub(super) fn into_tiff(mut bytes: Vec<u8>, exif: &[u8]) -> Vec<u8> {
     let (result, photo) = (File::new(&bytes), File::new(exif));
-    let (Ok(first), Ok(described)) = (result.u32(4), photo.u32(4)) else { return bytes };
+    let (Ok(first), Ok(described)) = (Directory::first(&result), photo.u32(4)) else {
+        return bytes;
+    };
     if result.big_endian {
         return bytes;
     }
-    let mut main = fields(&result, first as usize, |_| true);
+    let mut main = fields(&result, &first, |_| true);
     describe(&photo, &[described as usize], &mut main, &mut bytes);
     let at = append(&mut bytes, &main);
     begin_at(&mut bytes, at);

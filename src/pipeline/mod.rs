@@ -209,14 +209,12 @@ fn norm_excess(calibration: &Calibration) -> f32 {
 
 /// Why a rig and a calibration do not fit.
 #[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)] // The sentences describe them.
 pub enum PipelineError {
-    /// The lens was measured for another number of wavelet levels.
     #[error("the calibration measured {0} wavelet levels of the lens, allowed {WAVELET_LEVELS}")]
     Levels(usize),
-    /// The lens functions do not fit.
     #[error("the calibration's lens functions cannot be used")]
     Lens(#[from] LensModelError),
-    /// The corrections do not fit.
     #[error("the calibration's corrections cannot be used")]
     Correction(#[from] CorrectionError),
 }
