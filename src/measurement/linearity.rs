@@ -65,11 +65,8 @@ impl Linearity {
     }
 }
 
-/// Measures the camera's curve; straight if the exposure cannot be set. `black` has the counts of a
-/// black panel.
-///
-/// # Errors
-/// When a capture fails, or the counts bend more than a sensor's.
+/// Measures the camera's curve; straight if the exposure cannot be set, an error if counts bend
+/// more than a sensor's. `black` has the counts of a black panel.
 pub(super) fn measure(
     session: &mut Session<'_>,
     black: &Frame<SensorSpace>,

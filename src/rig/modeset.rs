@@ -99,9 +99,6 @@ pub(super) fn darken(card: &Card, pipe: Pipe) -> Result<(), RigError> {
 }
 
 /// Shows `picture` on the pipe in `mode`, pixel for pixel, and reads every setting back.
-///
-/// # Errors
-/// [`RigError::Refused`] when a setting does not hold; the driver's error when it refuses the mode.
 pub(super) fn light_up(
     card: &Card,
     pipe: Pipe,

@@ -100,10 +100,7 @@ fn switch_off(device: &Device, name: &str) -> Result<(), RigError> {
     hold(device, name, &value)
 }
 
-/// Sets the feature `name` to `value` and reads it back.
-///
-/// # Errors
-/// [`RigError::Refused`] if it is missing or does not hold its value; else as [`failed`].
+/// Sets the feature `name`, which must be there, to `value` and reads it back.
 pub(super) fn hold(device: &Device, name: &str, value: &FeatureValue) -> Result<(), RigError> {
     if !is_there(device, name) {
         return Err(refused(

@@ -35,10 +35,7 @@ pub(super) fn refuse_forbidden(root: &Path) -> Result<(), RigError> {
     Ok(())
 }
 
-/// Refuses a stream that needs more memory than the kernel grants all of USB.
-///
-/// # Errors
-/// [`RigError::Refused`] if `buffers` of `frame_bytes` are more than `granted_mb`, as read from
+/// Refuses a stream whose `buffers` of `frame_bytes` are more than the kernel grants all of USB, by
 /// `usbfs_memory_mb` under the file system `root`; 0 is no limit.
 pub(super) fn check_memory(
     root: &Path,

@@ -22,10 +22,7 @@ fn name(graph: &MediaGraph) -> &String {
     graph.sensor.as_ref().unwrap_or(&graph.capture)
 }
 
-/// Checks that the sensor of `graph` may be started.
-///
-/// # Errors
-/// [`RigError::Refused`] after the last failure allowed.
+/// Checks that the sensor of `graph` may be started, as it may up to the last failure allowed.
 pub(super) fn check(graph: &MediaGraph) -> Result<(), RigError> {
     let failures = failed().iter().filter(|one| *one == name(graph)).count();
     if failures < FAILURES_MAX {
