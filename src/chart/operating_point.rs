@@ -25,18 +25,12 @@ fn candidates(rig: &RigFile, wanted: OperatingPoint) -> Vec<Setting> {
         captures_max,
         ..filed
     };
-    let matched = Setting { method: MethodName::BlockMatching, ..filed };
-    let once = |steps, correction_steps, captures_max| Setting {
-        steps,
-        correction_steps,
-        captures_max,
-        rounds: 1,
-        ..matched
-    };
+    let matched = Setting::as_filed(rig, MethodName::BlockMatching);
+    let once = |steps, captures_max| Setting { steps, captures_max, rounds: 1, ..matched };
     let mut all = vec![filed];
     all.extend([4, 8, 16, 32].map(digital));
     all.extend([hybrid(8, 2, 1), hybrid(16, 4, 1), hybrid(16, 4, 2), hybrid(32, 8, 2)]);
-    all.extend([once(16, 4, 0), once(8, 4, 1), once(16, 4, 1)]);
+    all.extend([once(16, 0), once(8, 1), once(16, 1)]);
     if wanted == OperatingPoint::Best {
         all.push(Setting { rounds: matched.rounds.max(MANY_ROUNDS), ..matched });
     }

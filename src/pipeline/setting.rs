@@ -28,7 +28,10 @@ impl Setting {
         Setting {
             method,
             steps: Digital::default().steps,
-            correction_steps: hybrid::CORRECTION_STEPS,
+            correction_steps: match method {
+                config::MethodName::BlockMatching => hybrid::STEPS_BEFORE_BLOCKS,
+                _ => hybrid::CORRECTION_STEPS,
+            },
             captures_max: 1 + rig.restore.corrections_max as u32,
             rounds: rig.restore.block_rounds as u32,
         }

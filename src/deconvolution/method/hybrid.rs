@@ -34,6 +34,9 @@ use crate::frame::{Channel, Frame, Mosaic, Plane, Size, Work};
 /// Proximal steps of each correction. More gain nothing where the model is right, and build on its
 /// errors where it is not (`tests/tables/truthful-wrong-models.md`).
 pub const CORRECTION_STEPS: u32 = 4;
+/// The same where block matching follows, which goes the rest of the way
+/// (`tests/tables/README.md`).
+pub const STEPS_BEFORE_BLOCKS: u32 = 2;
 /// Soft threshold of the measured defect, in σ of its noise; measured.
 const DEFECT_THRESHOLD: f32 = 2.0;
 /// Defect, as a share of the noise floor in its largest channel, below which the model counts as
