@@ -7,7 +7,7 @@
 
 use rayon::prelude::*;
 
-use crate::calibration::correction::{Correction, ShownLight};
+use crate::calibration::correction::Correction;
 use crate::deconvolution::forward_convolution::{ForwardConvolution, Seen};
 use crate::deconvolution::lens_model::LensModel;
 use crate::deconvolution::panel_beat::ColumnWave;
@@ -22,7 +22,10 @@ const LOST_MIN: f64 = 1e-3;
 pub struct LightPath<'a> {
     rig: &'a mut Devices,
     correction: &'a Correction,
-    model: &'a LensModel,
+    /// The lens model at the panel's focus.
+    panel: &'a LensModel,
+    /// The lens model at the photo's focus, where it is another.
+    photo: Option<&'a LensModel>,
     stopwatch: &'a (dyn Fn() -> f64 + Sync),
     waited_seconds: f64,
     interrupted: Option<&'a (dyn Fn() -> bool + Send + Sync)>,
@@ -48,10 +51,27 @@ impl<'a> LightPath<'a> {
     /// time captures.
     pub fn new(
         rig: &'a mut Devices,
-        (correction, model): (&'a Correction, &'a LensModel),
+        (correction, panel): (&'a Correction, &'a LensModel),
         stopwatch: &'a (dyn Fn() -> f64 + Sync),
     ) -> Self {
-        LightPath { rig, correction, model, stopwatch, waited_seconds: 0.0, interrupted: None }
+        LightPath {
+            rig,
+            correction,
+            panel,
+            photo: None,
+            stopwatch,
+            waited_seconds: 0.0,
+            interrupted: None,
+        }
+    }
+
+    /// Converts captures to the focus of `photo`. They are K L at the panel's focus, for the panel
+    /// does not move; at the photo's they would have been about (K̂_photo − K̂_panel) L more.
+    /// Errors common to both models cancel.
+    #[must_use]
+    pub fn at_focus_of(mut self, photo: &'a LensModel) -> Self {
+        self.photo = Some(photo);
+        self
     }
 
     /// Makes captures fail once `interrupted` returns true.
@@ -71,21 +91,44 @@ impl<'a> LightPath<'a> {
 }
 
 impl LightPath<'_> {
-    /// Adds to the capture `seen` of `picture` the detail that the panel's `light` lacks, by the
-    /// lens model.
-    fn add_lost_detail(&self, picture: &Frame<Work>, light: &ShownLight, seen: &mut Seen) {
-        let by_perfect_lens = self.correction.light_by_perfect_lens(light);
+    /// Captures `picture`, which lies in 0..255. The detail that the panel's light lacks, and where
+    /// K̂ of the picture is `predicted` the difference of the photo's focus from the panel's, are
+    /// added by the lens models.
+    fn capture(
+        &mut self,
+        picture: &Frame<Work>,
+        predicted: Option<&Frame<Work>>,
+    ) -> Result<Seen, AnyFailure> {
+        if self.interrupted.is_some_and(|asked| asked()) {
+            return Err(Interrupted.into());
+        }
+        let on_panel = self.correction.light_on_panel(picture);
+        let codes = self.correction.show_light(&on_panel);
+        let begun = (self.stopwatch)();
+        let exposed = self.rig.capture(&codes)?;
+        self.waited_seconds += (self.stopwatch)() - begun;
+        let mut seen = self.correction.see(&exposed.counts);
+        let by_perfect_lens = self.correction.light_by_perfect_lens(&on_panel);
         let pairs = Channel::ALL.into_iter().zip(seen.light.planes_mut());
         pairs.collect::<Vec<_>>().into_par_iter().for_each(|(c, light)| {
-            let mut lost = picture.plane(c).clone();
-            lost.add_scaled(-1.0, by_perfect_lens.plane(c));
+            // K_photo L − K_panel S for the panel's light S; without the photo's own focus
+            // K_panel (L − S).
+            let mut lacking = match predicted {
+                Some(_) => Plane::zeros(light.size()),
+                None => picture.plane(c).clone(),
+            };
+            lacking.add_scaled(-1.0, by_perfect_lens.plane(c));
             // Nothing is lost where panel and sensor pixels coincide.
-            if lost.rms() > LOST_MIN {
-                let mut seen = Plane::zeros(lost.size());
-                self.model.forward(c, &lost, &mut seen);
-                light.add_scaled(1.0, &seen);
+            if lacking.rms() > LOST_MIN {
+                let mut lost = Plane::zeros(lacking.size());
+                self.panel.forward(c, &lacking, &mut lost);
+                light.add_scaled(1.0, &lost);
+            }
+            if let Some(predicted) = predicted {
+                light.add_scaled(1.0, predicted.plane(c));
             }
         });
+        Ok(seen)
     }
 }
 
@@ -95,19 +138,17 @@ impl ForwardConvolution for LightPath<'_> {
     }
 
     fn forward(&mut self, shown: &Frame<Work>) -> Result<Seen, AnyFailure> {
-        if self.interrupted.is_some_and(|asked| asked()) {
-            return Err(Interrupted.into());
-        }
-        let clamp = |v: f32| v.clamp(0.0, FULL_SCALE);
-        let picture: Frame<Work> = Frame::from_fn(|c| shown.plane(c).map(clamp));
-        let on_panel = self.correction.light_on_panel(&picture);
-        let codes = self.correction.show_light(&on_panel);
-        let begun = (self.stopwatch)();
-        let exposed = self.rig.capture(&codes)?;
-        self.waited_seconds += (self.stopwatch)() - begun;
-        let mut seen = self.correction.see(&exposed.counts);
-        self.add_lost_detail(&picture, &on_panel, &mut seen);
-        Ok(seen)
+        let picture = Frame::from_fn(|c| shown.plane(c).map(|v: f32| v.clamp(0.0, FULL_SCALE)));
+        let predicted = self.photo.map(|lens| lens.seen(&Channel::ALL, &picture));
+        self.capture(&picture, predicted.as_ref())
+    }
+
+    fn forward_predicted(
+        &mut self,
+        shown: &Frame<Work>,
+        predicted: &Frame<Work>,
+    ) -> Result<Seen, AnyFailure> {
+        self.capture(shown, Some(predicted))
     }
 
     fn column_wave(&self) -> Option<&ColumnWave> {

@@ -1,10 +1,7 @@
 //! A prepared photo solved by a method, its colours aligned and cropped to the photo.
 
-use std::sync::Arc;
-
 use super::Pipeline;
 use super::stages::{BoundedLens, Prepared, Solved};
-use crate::deconvolution::focus::OpticsAtFocus;
 use crate::deconvolution::forward_convolution::ForwardConvolution;
 use crate::deconvolution::method::{About, Method, MethodError, Problem, Solution, Watch};
 use crate::frame::{Frame, Work};
@@ -24,35 +21,17 @@ impl Pipeline {
     ) -> Result<Solved, MethodError> {
         let mut path = self.light_path(rig).interruptible(self.interruption.as_deref());
         let (captures, seconds) = (path.captures(), path.seconds());
-        let solved = match &photo.lens {
-            None => self.solve_by(&mut path, photo, method, watch)?,
-            Some(BoundedLens { model, .. }) => {
-                let mut optics = OpticsAtFocus {
-                    inner: &mut path,
-                    panel: Arc::clone(&self.lens.model),
-                    photo: Arc::clone(model),
-                };
-                self.solve_by(&mut optics, photo, method, watch)?
-            }
-        };
+        if let Some(BoundedLens { model, .. }) = &photo.lens {
+            path = path.at_focus_of(model);
+        }
+        let solution = self.pose(photo, |problem| method.solve(problem, &mut path, watch))?;
+        let solved = self.finish(photo, method.about(), solution);
         Ok(Solved {
             captures: path.captures() - captures,
             capture_seconds: path.seconds() - seconds,
             waited_seconds: path.waited_seconds(),
             ..solved
         })
-    }
-
-    /// Solves `photo` by `method`; captures are not counted.
-    fn solve_by(
-        &self,
-        optics: &mut dyn ForwardConvolution,
-        photo: &Prepared<'_>,
-        method: &dyn Method,
-        watch: &mut Watch<'_>,
-    ) -> Result<Solved, MethodError> {
-        let solution = self.pose(photo, |problem| method.solve(problem, optics, watch))?;
-        Ok(self.finish(photo, method.about(), solution))
     }
 
     /// Poses `photo` as a problem, and returns the result of `solve`.

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use super::*;
 use crate::config::MethodName as Named;
+use crate::deconvolution::data_term::place_with_edges;
 use crate::deconvolution::forward_convolution::ForwardConvolution;
 use crate::deconvolution::method::{
     About, Certificate, IterationRecord, Method, MethodError, Problem, Solution, Watch,
@@ -336,6 +337,34 @@ fn work(photo: &Came, named: Named, bed: &mut Bed) -> (Verdict, usize, f64) {
         };
         (outcome.verdict, outcome.captures, seconds() - begun)
     })
+}
+
+#[test]
+fn captures_are_converted_to_the_photo_s_focus() {
+    // Rigs of one seed, and so with the same noise.
+    let [mut there, mut here, mut known] = [(); 3].map(|()| Bed::new());
+    let panel = Arc::clone(here.pipeline.model());
+    let mut functions = panel.functions().clone();
+    functions.taps.swap(0, 2);
+    let at = here.config.photo_on_canvas();
+    let photo = panel.with_functions(at.size, at.x, &functions).unwrap();
+    let scene = here.scene();
+    let shown = Frame::from_fn(|c| place_with_edges(scene.plane(c), panel.canvas(), at));
+    let at_panel = here.pipeline.light_path(&mut here.rig).forward(&shown).unwrap().light;
+    let mut path = there.pipeline.light_path(&mut there.rig).at_focus_of(&photo);
+    let at_photo = path.forward(&shown).unwrap().light;
+    let (seen, by_panel) = (photo.seen(&Channel::ALL, &shown), panel.seen(&Channel::ALL, &shown));
+    let mut path = known.pipeline.light_path(&mut known.rig).at_focus_of(&photo);
+    let predicted = path.forward_predicted(&shown, &seen).unwrap().light;
+    for c in Channel::ALL {
+        let mut off = at_photo.plane(c).clone();
+        off.add_scaled(-1.0, at_panel.plane(c));
+        assert!(c == Channel::Green || off.rms() > 0.1, "{c:?}: {}", off.rms());
+        off.add_scaled(-1.0, seen.plane(c));
+        off.add_scaled(1.0, by_panel.plane(c));
+        assert!(off.rms() < 1e-3, "{c:?}: {}", off.rms());
+        assert_eq!(predicted.plane(c), at_photo.plane(c));
+    }
 }
 
 #[test]

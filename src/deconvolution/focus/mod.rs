@@ -10,11 +10,9 @@
 //! longitudinal chromatic aberration resolves the sign of δ.
 
 mod likelihood;
-mod optics;
 mod spectra;
 mod spectral_check;
 
-pub(crate) use optics::OpticsAtFocus;
 pub use spectra::FocusData;
 pub use spectral_check::{NOISE_MAX, SpectralFinding, check_spectrum};
 

@@ -2,12 +2,10 @@
 
 use super::*;
 use crate::deconvolution::data_term::{SATURATED, TRUSTED};
-use crate::deconvolution::forward_convolution::{ForwardConvolution, Seen};
 use crate::deconvolution::lens_model::LensModel;
 use crate::frame::{Channels, Frame, Mosaic, Plane, Rect, Size, Work};
 use rand::{RngExt, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
-use std::sync::Arc;
 
 const SIZE: Size = Size::new(192, 160);
 /// Standard deviation of the noise, grey levels.
@@ -172,47 +170,6 @@ fn a_series_needs_the_panel_s_focus_and_one_grid() {
     assert!(FocusSeries::new(vec![(0.0, &a), (0.0, &b)]).is_none());
     assert!(FocusSeries::new(vec![(0.0, &a), (0.08, &other)]).is_none());
     assert!(FocusSeries::new(Vec::new()).is_none());
-}
-
-/// Captures computed by a lens model, and their number.
-struct ByModel(Arc<LensModel>, usize);
-
-impl ForwardConvolution for ByModel {
-    fn size(&self) -> Size {
-        SIZE
-    }
-
-    fn forward(&mut self, shown: &Frame<Work>) -> Result<Seen, crate::remedy::AnyFailure> {
-        self.1 += 1;
-        let light = self.0.seen(&Channel::ALL, shown);
-        Ok(Seen { light, trusted: Frame::filled(SIZE, TRUSTED) })
-    }
-
-    fn captures(&self) -> usize {
-        self.1
-    }
-
-    fn seconds(&self) -> f64 {
-        0.0
-    }
-}
-
-#[test]
-fn captures_are_converted_to_the_photo_s_focus() {
-    let scene = scene(10);
-    let [panel, photo] =
-        [0.0, 0.05].map(|offset| Arc::new(LensModel::new(SIZE, 0, &gaussians(offset)).unwrap()));
-    let mut light = ByModel(Arc::clone(&panel), 0);
-    let mut there = ByModel(Arc::clone(&photo), 0);
-    let ought = there.forward(&scene).unwrap().light;
-    let mut optics = OpticsAtFocus { inner: &mut light, panel, photo };
-    let is = optics.forward(&scene).unwrap().light;
-    for (is, ought) in is.planes().iter().zip(ought.planes()) {
-        let mut off = is.clone();
-        off.add_scaled(-1.0, ought);
-        assert!(off.rms() < 1e-3, "{}", off.rms());
-    }
-    assert_eq!(optics.captures(), 1);
 }
 
 #[test]
