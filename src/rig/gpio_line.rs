@@ -3,6 +3,7 @@
 use std::io;
 use std::path::PathBuf;
 
+use embedded_hal::digital::{ErrorKind, ErrorType, OutputPin};
 use rustix::io::Errno;
 
 use super::RigError;
@@ -95,5 +96,31 @@ impl Drop for OutputLine {
     /// (hardware.md).
     fn drop(&mut self) {
         let _ = self.set(false);
+    }
+}
+
+/// The kernel refused to set a line.
+#[derive(Debug, thiserror::Error)]
+#[error("cannot set the line")]
+pub struct LineError(#[source] io::Error);
+
+impl embedded_hal::digital::Error for LineError {
+    fn kind(&self) -> ErrorKind {
+        ErrorKind::Other
+    }
+}
+
+impl ErrorType for OutputLine {
+    type Error = LineError;
+}
+
+/// High means "on", whatever the level on the wire.
+impl OutputPin for OutputLine {
+    fn set_low(&mut self) -> Result<(), LineError> {
+        self.set(false).map_err(LineError)
+    }
+
+    fn set_high(&mut self) -> Result<(), LineError> {
+        self.set(true).map_err(LineError)
     }
 }

@@ -2,6 +2,8 @@
 
 use std::path::Path;
 
+use linux_embedded_hal::Delay;
+
 use super::binned::binned;
 use super::exposure::{Devices, Timing};
 use super::gpio_line::OutputLine;
@@ -45,9 +47,9 @@ fn open_trigger(
     match device {
         TriggerDevice::FreeRunning(_) => Ok(Box::new(FreeRunning(Monotonic))),
         TriggerDevice::Line(name) => {
-            let line = OutputLine::open("trigger", name)?;
-            let set = move |on| line.set(on);
-            Ok(Box::new(PulseTrigger::new(set, Monotonic, pulse_us, pulsed)?))
+            let pin = OutputLine::open("trigger", name)?;
+            let trigger = PulseTrigger::new(pin, Delay, Monotonic, pulse_us)?;
+            Ok(Box::new(if pulsed { trigger.exposing() } else { trigger }))
         }
         TriggerDevice::Pwm(name) => {
             let (root, write) = (Path::new(pwm_trigger::CLASS), pwm_trigger::write_attribute);

@@ -1,53 +1,59 @@
 //! Camera triggers: a pulse on an output line, or none for a free-running camera.
 
-use std::io;
+use embedded_hal::delay::DelayNs;
+use embedded_hal::digital::OutputPin;
 
 use super::{Clock, Moment, RigError, Trigger};
 
 /// End of a pulse that is awaited by reading the clock, since a sleep overruns by 0.1 ms and more.
 /// Guess.
-const SPUN_S: f64 = 0.002;
+const SPUN_US: u32 = 2000;
 /// Most that an exposure by pulse may be too long, relative: a tenth of a night's limit of drift.
 const EXCESS_MAX: f64 = 0.003;
 /// Time of the two calls that drive the line, not counted as excess. Guess.
 const CALLS_S: f64 = 20e-6;
 
-/// Pulses on a line, which the function `set` switches.
-pub struct PulseTrigger<S, C> {
-    set: S,
+/// Pulses on a line. Generic over embedded-hal, for tests without a board.
+pub struct PulseTrigger<P, D, C> {
+    pin: P,
+    delay: D,
     clock: C,
     pulse_s: f64,
     /// Exposure as a multiple of the pulse's; `None` where a pulse only starts it.
     exposure_times: Option<f64>,
 }
 
-impl<S: FnMut(bool) -> io::Result<()>, C: Clock> PulseTrigger<S, C> {
-    /// A trigger whose pulses start exposures, or if `exposing` last as long; its line is switched
-    /// off.
-    pub fn new(mut set: S, clock: C, pulse_us: u32, exposing: bool) -> Result<Self, RigError> {
-        set(false).map_err(stuck)?;
-        let (pulse_s, exposure_times) = (f64::from(pulse_us) * 1e-6, exposing.then_some(1.0));
-        Ok(PulseTrigger { set, clock, pulse_s, exposure_times })
+impl<P: OutputPin, D: DelayNs, C: Clock> PulseTrigger<P, D, C> {
+    /// A trigger whose pulses start exposures; its line is set low.
+    pub fn new(mut pin: P, delay: D, clock: C, pulse_us: u32) -> Result<Self, RigError> {
+        pin.set_low().map_err(|cause| stuck(&cause))?;
+        let pulse_s = f64::from(pulse_us) * 1e-6;
+        Ok(PulseTrigger { pin, delay, clock, pulse_s, exposure_times: None })
+    }
+
+    /// The same trigger with pulses that last as long as the exposure.
+    pub fn exposing(self) -> Self {
+        PulseTrigger { exposure_times: Some(1.0), ..self }
     }
 }
 
-fn stuck(cause: io::Error) -> RigError {
-    RigError::gone("trigger", format!("its line cannot be driven ({cause})"))
+fn stuck(cause: &impl std::fmt::Debug) -> RigError {
+    RigError::gone("trigger", format!("its line cannot be driven ({cause:?})"))
 }
 
-impl<S: FnMut(bool) -> io::Result<()>, C: Clock> Trigger for PulseTrigger<S, C> {
+impl<P: OutputPin, D: DelayNs, C: Clock> Trigger for PulseTrigger<P, D, C> {
     /// Returns the moment before the edge, which precedes the exposure.
     fn fire(&mut self) -> Result<Moment, RigError> {
         let wanted_s = self.pulse_s * self.exposure_times.unwrap_or(1.0);
         let at = self.clock.now();
-        (self.set)(true).map_err(stuck)?;
+        self.pin.set_high().map_err(|cause| stuck(&cause))?;
         let lit = self.clock.now();
-        self.clock.wait_until(Moment(lit.0 + wanted_s - SPUN_S));
+        self.delay.delay_us(((wanted_s * 1e6) as u32).saturating_sub(SPUN_US));
         while self.clock.now().0 - lit.0 < wanted_s {
             std::hint::spin_loop();
         }
         // A pulse that does not end leaves the shutter open.
-        (self.set)(false).map_err(stuck)?;
+        self.pin.set_low().map_err(|cause| stuck(&cause))?;
         let found_s = self.clock.now().0 - at.0;
         let is_exposure = self.exposure_times.is_some();
         if is_exposure && found_s - wanted_s > CALLS_S.max(EXCESS_MAX * wanted_s) {
@@ -74,10 +80,41 @@ impl<C: Clock> Trigger for FreeRunning<C> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use embedded_hal::digital::{ErrorKind, ErrorType};
     use std::cell::{Cell, RefCell};
     use std::rc::Rc;
 
     type Log = Rc<RefCell<Vec<String>>>;
+
+    struct Pin {
+        log: Log,
+        fails: bool,
+    }
+
+    #[derive(Debug)]
+    struct Broken;
+
+    impl embedded_hal::digital::Error for Broken {
+        fn kind(&self) -> ErrorKind {
+            ErrorKind::Other
+        }
+    }
+
+    impl ErrorType for Pin {
+        type Error = Broken;
+    }
+
+    impl OutputPin for Pin {
+        fn set_low(&mut self) -> Result<(), Broken> {
+            self.log.borrow_mut().push("low".to_owned());
+            Ok(())
+        }
+
+        fn set_high(&mut self) -> Result<(), Broken> {
+            self.log.borrow_mut().push("high".to_owned());
+            if self.fails { Err(Broken) } else { Ok(()) }
+        }
+    }
 
     /// A board whose sleeps overrun.
     #[derive(Clone)]
@@ -87,6 +124,13 @@ mod tests {
         overrun_s: f64,
     }
 
+    impl DelayNs for LateBoard {
+        fn delay_ns(&mut self, ns: u32) {
+            self.log.borrow_mut().push(format!("{ns} ns"));
+            self.now_s.set(self.now_s.get() + f64::from(ns) * 1e-9 + self.overrun_s);
+        }
+    }
+
     impl Clock for LateBoard {
         /// A reading takes two microseconds.
         fn now(&self) -> Moment {
@@ -94,41 +138,24 @@ mod tests {
             Moment(self.now_s.get())
         }
 
-        fn wait_until(&self, moment: Moment) {
-            if moment.0 > self.now_s.get() {
-                self.log.borrow_mut().push("sleep".to_owned());
-                self.now_s.set(moment.0 + self.overrun_s);
-            }
-        }
+        fn wait_until(&self, _: Moment) {}
     }
 
-    type Set = Box<dyn FnMut(bool) -> io::Result<()>>;
-
-    struct Given {
+    fn trigger(
         fails: bool,
         pulse_us: u32,
         overrun_s: f64,
-        exposing: bool,
-    }
-
-    const GIVEN: Given = Given { fails: false, pulse_us: 50_000, overrun_s: 0.0, exposing: false };
-
-    fn trigger(given: Given) -> (PulseTrigger<Set, LateBoard>, LateBoard) {
-        let Given { fails, pulse_us, overrun_s, exposing } = given;
+    ) -> (PulseTrigger<Pin, LateBoard, LateBoard>, LateBoard) {
         let board = LateBoard { log: Log::default(), now_s: Rc::new(Cell::new(7.0)), overrun_s };
-        let log = board.log.clone();
-        let set: Set = Box::new(move |on| {
-            log.borrow_mut().push(if on { "high" } else { "low" }.to_owned());
-            if on && fails { Err(io::ErrorKind::Other.into()) } else { Ok(()) }
-        });
-        (PulseTrigger::new(set, board.clone(), pulse_us, exposing).unwrap(), board)
+        let pin = Pin { log: board.log.clone(), fails };
+        (PulseTrigger::new(pin, board.clone(), board.clone(), pulse_us).unwrap(), board)
     }
 
     #[test]
     fn a_pulse_is_stamped_before_its_edge_and_ended() {
-        let (mut trigger, board) = trigger(Given { pulse_us: 1000, ..GIVEN });
+        let (mut trigger, board) = trigger(false, 1000, 0.0);
         assert_eq!(trigger.fire().unwrap(), Moment(7.000_002));
-        assert_eq!(*board.log.borrow(), ["low", "high", "low"]);
+        assert_eq!(*board.log.borrow(), ["low", "high", "0 ns", "low"]);
         let took_s = board.now_s.get() - 7.0;
         assert!((0.001..0.00102).contains(&took_s), "{took_s}");
     }
@@ -137,7 +164,8 @@ mod tests {
     fn an_exposure_is_as_long_as_its_pulse_or_an_error() {
         // Most of it is slept, and an overrun shorter than the rest does no harm.
         for (overrun_s, fits) in [(0.0, true), (0.0019, true), (0.003, false)] {
-            let (mut exposing, _) = trigger(Given { overrun_s, exposing: true, ..GIVEN });
+            let (start, _) = trigger(false, 50_000, overrun_s);
+            let mut exposing = start.exposing();
             match exposing.fire() {
                 Ok(_) => assert!(fits, "{overrun_s}"),
                 Err(RigError::PulseLength { found_ms, wanted_ms }) => {
@@ -147,7 +175,7 @@ mod tests {
                 Err(other) => panic!("{other}"),
             }
             // A pulse that only starts the exposure may be longer.
-            let (mut start, _) = trigger(Given { overrun_s, ..GIVEN });
+            let (mut start, _) = trigger(false, 50_000, overrun_s);
             assert!(start.fire().is_ok());
         }
     }
@@ -155,8 +183,8 @@ mod tests {
     #[test]
     fn an_exposing_pulse_follows_the_exposure_and_another_does_not() {
         for (exposes, length_s) in [(true, 0.015), (false, 0.005)] {
-            let (mut trigger, board) =
-                trigger(Given { pulse_us: 5000, exposing: exposes, ..GIVEN });
+            let (start, board) = trigger(false, 5000, 0.0);
+            let mut trigger = if exposes { start.exposing() } else { start };
             trigger.expose_times(3.0);
             let before_s = board.now_s.get();
             trigger.fire().unwrap();
@@ -166,7 +194,7 @@ mod tests {
 
     #[test]
     fn a_line_that_cannot_be_driven_is_an_error() {
-        let (mut trigger, _) = trigger(Given { fails: true, ..GIVEN });
+        let (mut trigger, _) = trigger(true, 1, 0.0);
         assert!(matches!(trigger.fire(), Err(RigError::Gone { device: "trigger", .. })));
     }
 }
