@@ -104,7 +104,15 @@ fn covered(centre: f32, half: f32) -> ((isize, isize), impl Fn(isize) -> f32) {
         let n = n as f32;
         (to.min(n + 1.0) - from.max(n)).max(0.0) / (to - from)
     };
-    ((from.floor() as isize, (to.ceil() as isize - 1).max(from.floor() as isize)), share)
+    // The ceiling of the end is one more than the last pixel's number.
+    let (first, last) = (floor(from), -floor(-to) - 1);
+    ((first, last.max(first)), share)
+}
+
+/// The largest integer up to `v`; `f32::floor` is a call to the library on default x86-64.
+fn floor(v: f32) -> isize {
+    let towards_zero = v as isize;
+    towards_zero - isize::from(towards_zero as f32 > v)
 }
 
 #[cfg(test)]
