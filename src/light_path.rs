@@ -91,9 +91,12 @@ impl<'a> LightPath<'a> {
 }
 
 impl LightPath<'_> {
-    /// Captures `picture`, which lies in 0..255. The detail that the panel's light lacks, and where
-    /// K̂ of the picture is `predicted` the difference of the photo's focus from the panel's, are
-    /// added by the lens models.
+    /// Captures `picture`, light 0..255, and adds by the lens model the detail that the panel's
+    /// light lacks. With the K̂ of the picture at the photo's focus, `predicted`, the capture is
+    /// converted to that focus.
+    ///
+    /// # Errors
+    /// [`Interrupted`]; the failure of the capture.
     fn capture(
         &mut self,
         picture: &Frame<Work>,

@@ -136,9 +136,9 @@ pub(super) struct Job<'a> {
     /// Receives the progress of the restoration.
     pub(super) on_progress: &'a mut dyn FnMut(Progress),
     pub(super) unsettled: &'a mut Unsettled,
-    /// The flaw that the photo was found to have, with the metadata of the file by then.
+    /// The refusal by the completeness check, with the metadata of the checked file.
     pub(super) refusal: Option<(Metadata, PictureError)>,
-    /// Set when the names in `failed` have to be made durable.
+    /// Set when the names in `failed` are not durable yet.
     pub(super) has_rejected: &'a mut bool,
 }
 

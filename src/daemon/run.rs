@@ -315,8 +315,8 @@ impl<'a> Daemon<'a> {
         Ok(self.inbox.scan(&self.folders, now, patience)?)
     }
 
-    /// Whether the photo at `path` is complete, or will never be. Its `refusal` is set where that
-    /// needs no decoding; other flaws are found by the job.
+    /// Whether the photo at `path` is complete, or will never be. Sets `refusal` to a final flaw
+    /// that the check finds without decoding; the job finds the others.
     fn may_be_taken(
         &mut self,
         path: &Path,

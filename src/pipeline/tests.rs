@@ -369,7 +369,7 @@ fn captures_are_converted_to_the_photo_s_focus() {
 
 #[test]
 #[ignore = "minutes: the long gate runs it"]
-fn a_refusal_costs_less_than_the_default_and_a_third_more_than_other_methods() {
+fn a_refusal_costs_less_than_block_matching_and_at_most_a_third_more_than_other_methods() {
     let mut bed = Bed::new();
     // No scene gives a sharp picture through this lens.
     let (good, sharp) = (bed.photo(), bed.scene());
