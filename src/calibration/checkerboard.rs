@@ -129,15 +129,11 @@ pub fn corners(
         radius: (0.38 * side).max(2.0),
         reach: 0.3 * side,
     };
-    let board = CornerGrid {
-        square: square_px as f64,
-        last: ((panel.width / square_px) as i64, (panel.height / square_px) as i64),
-    };
+    let board = CornerGrid::new(panel, square_px);
     let starts = board.middle(plane.size(), near);
     let mut found: BTreeMap<(i64, i64), Saddle> = BTreeMap::new();
     for &(a, b) in &starts {
-        let (px, py) = board.on_panel(a, b);
-        let (x, y) = near.at(px, py);
+        let (x, y) = board.on_sensor((a, b), near);
         found.extend(finder.refine(x, y, parity(a, b)).map(|saddle| ((a, b), saddle)));
     }
     if found.is_empty() {
@@ -164,6 +160,24 @@ struct CornerGrid {
 }
 
 impl CornerGrid {
+    /// The board of squares of `square_px` on a `panel`.
+    fn new(panel: Size, square_px: usize) -> CornerGrid {
+        let last = ((panel.width / square_px) as i64, (panel.height / square_px) as i64);
+        CornerGrid { square: square_px as f64, last }
+    }
+
+    /// The corners inside the panel.
+    fn inner(&self) -> impl Iterator<Item = (i64, i64)> {
+        let (columns, rows) = self.last;
+        (1..columns).flat_map(move |a| (1..rows).map(move |b| (a, b)))
+    }
+
+    /// Sensor position of a corner by the map `near`.
+    fn on_sensor(&self, (a, b): (i64, i64), near: &Affine) -> (f64, f64) {
+        let (x, y) = self.on_panel(a, b);
+        near.at(x, y)
+    }
+
     /// Panel position of a corner.
     fn on_panel(&self, a: i64, b: i64) -> (f64, f64) {
         (a as f64 * self.square - 0.5, b as f64 * self.square - 0.5)
@@ -172,14 +186,11 @@ impl CornerGrid {
     /// The nine corners nearest to the middle of a `sensor`, by the first guess `near`.
     fn middle(&self, sensor: Size, near: &Affine) -> Vec<(i64, i64)> {
         let (middle_x, middle_y) = (sensor.width as f64 / 2.0, sensor.height as f64 / 2.0);
-        let distance = |&(a, b): &(i64, i64)| {
-            let (px, py) = self.on_panel(a, b);
-            let (x, y) = near.at(px, py);
+        let distance = |&corner: &(i64, i64)| {
+            let (x, y) = self.on_sensor(corner, near);
             (x - middle_x).hypot(y - middle_y)
         };
-        let mut all: Vec<(i64, i64)> = (1..self.last.0.max(1))
-            .flat_map(|a| (1..self.last.1.max(1)).map(move |b| (a, b)))
-            .collect();
+        let mut all: Vec<(i64, i64)> = self.inner().collect();
         all.sort_by(|p, q| distance(p).total_cmp(&distance(q)));
         all.truncate(9);
         all
@@ -228,16 +239,14 @@ impl CornerGrid {
 /// Number of the board's corners in the sensor's view, at least a square from its border, by the
 /// first guess `near`.
 pub fn in_view(sensor: Size, panel: Size, square_px: usize, near: &Affine) -> usize {
-    let square = square_px.max(1) as f64;
-    let rim = square * near.magnification();
+    let board = CornerGrid::new(panel, square_px.max(1));
+    let rim = board.square * near.magnification();
     let inside = |v: f64, side: usize| v >= rim && v + rim < side as f64;
-    (1..(panel.width / square_px.max(1)))
-        .flat_map(|a| (1..(panel.height / square_px.max(1))).map(move |b| (a, b)))
-        .filter(|&(a, b)| {
-            let (x, y) = near.at(a as f64 * square - 0.5, b as f64 * square - 0.5);
-            inside(x, sensor.width) && inside(y, sensor.height)
-        })
-        .count()
+    let is_in_view = |&corner: &(i64, i64)| {
+        let (x, y) = board.on_sensor(corner, near);
+        inside(x, sensor.width) && inside(y, sensor.height)
+    };
+    board.inner().filter(is_in_view).count()
 }
 
 /// Sign of the twist at corner (a, b).

@@ -14,7 +14,7 @@ use rayon::prelude::*;
 use super::curve::Inverse;
 use super::dither::Diffusion;
 use super::surface::{Domain, Surface};
-use super::{Calibration, CameraCurve, Geometry, SiteGains};
+use super::{Calibration, Geometry, SiteGains};
 use crate::config::{self, Subpixels};
 use crate::deconvolution::forward_convolution::Seen;
 use crate::deconvolution::panel_beat::ColumnWave;
@@ -174,13 +174,14 @@ impl Correction {
         let unmix = calibration.cross_channel.inverse().ok_or_else(|| {
             CorrectionError(format!("'s mixing of channels cannot be inverted: {mixing:?}"))
         })?;
-        let canvas = layout.canvas();
+        let (canvas, curve) = (layout.canvas(), &calibration.camera_curve);
         Ok(Correction {
             layout,
             geometry: calibration.geometry.clone(),
             inverse: Channel::ALL.map(|c| Inverse::new(&calibration.curves[c.index()])),
             unmix,
-            straight: straight_counts(&calibration.camera_curve),
+            straight: (!curve.is_straight())
+                .then(|| (0..=u16::MAX).map(|count| curve.count(f32::from(count))).collect()),
             black: calibration.black.clone(),
             dark_corner: calibration.dark_corner.clone(),
             counts_per_level: calibration.counts_per_level,
@@ -325,17 +326,11 @@ impl Correction {
             sites.evened(Rect { x: 0, y: 0, size: canvas }, over)
         });
         let [red, green, blue] = light.planes_mut();
-        let mut rows: Vec<_> = red
-            .data_mut()
-            .chunks_mut(width)
-            .zip(green.data_mut().chunks_mut(width))
-            .zip(blue.data_mut().chunks_mut(width))
-            .zip(good.data_mut().chunks_mut(width))
-            .enumerate()
-            .collect();
-        rows.par_iter_mut().with_min_len(32).for_each(|(y, (((red, green), blue), good))| {
-            let y = *y;
-            let light = [&mut **red, &mut **green, &mut **blue];
+        let [red, green, blue] = [red, green, blue].map(|c| c.data_mut().par_chunks_mut(width));
+        let rows = (red, green, blue, good.data_mut().par_chunks_mut(width));
+        let rows = rows.into_par_iter().enumerate().with_min_len(32);
+        rows.for_each(|(y, (red, green, blue, good))| {
+            let light = [red, green, blue];
             let t = counts.planes().each_ref().map(|p| &p.row(top + y)[left..left + width]);
             for (x, good) in good.iter_mut().enumerate() {
                 *good = u8::from(t[0][x].max(t[1][x]).max(t[2][x]) < self.layout.saturated);
@@ -348,7 +343,6 @@ impl Correction {
             let over = |c: usize, x: usize| self.count(t[c][x]) - b[c][x];
             self.unmixed(y, light, |x| [over(0, x), over(1, x), over(2, x)]);
         });
-        drop(rows);
         let mosaic = self.layout.canvas_mosaic();
         // For means over several pixels, patched bad sites count as good.
         let sites = self.sites.as_ref().filter(|sites| sites.mosaic() == mosaic);
@@ -400,12 +394,6 @@ impl Correction {
         row.iter_mut().for_each(|d| *d = 1.0 / (counts_per_level * d.max(LEAST_LIGHT)));
         row
     }
-}
-
-/// The linearised value of every count; `None` if the camera is linear.
-fn straight_counts(curve: &CameraCurve) -> Option<Vec<f32>> {
-    let all = || (0..=u16::MAX).map(|count| curve.count(f32::from(count))).collect();
-    (!curve.is_straight()).then(all)
 }
 
 /// Least dark-corner share divided by; below it there is no usable picture.

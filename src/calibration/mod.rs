@@ -23,7 +23,6 @@ pub mod dither;
 pub mod geometric;
 pub mod lens_blur;
 pub mod noise;
-mod norms;
 mod operator_norms;
 mod other_focus;
 pub mod photo_side;
@@ -38,7 +37,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::deconvolution::lens_model::broad::check_halos;
 use crate::deconvolution::lens_model::{Beyond, Halo, LensFunctions, LensModel, LensModelError};
-use crate::frame::{Channel, Size};
+use crate::frame::{Channel, Plane, Size};
 pub use camera_curve::CameraCurve;
 pub use correction::{Correction, CorrectionError, Layout};
 pub use cross_channel::CrossChannel;
@@ -131,6 +130,15 @@ impl Calibration {
         let side = self.functions.support_px;
         // Not by `sum`, which is −0.0 for an empty iterator.
         self.broad.each_ref().map(|halos| halos.iter().fold(0.0, |sum, h| sum + h.beyond(side)))
+    }
+
+    /// Computes the norms of this calibration's `model` for `levels` wavelet levels, and at sites
+    /// if `at_sites`; returns green's dominant picture.
+    pub fn measure_norms(&mut self, model: &LensModel, levels: usize, at_sites: bool) -> Plane {
+        self.at_sites = at_sites.then(|| OperatorNorms::at_sites(model, levels));
+        let (norms, green) = OperatorNorms::at_pixels(model, levels);
+        self.norms = norms;
+        green
     }
 
     /// A warning if the lens model is inaccurate, with advice.

@@ -2,13 +2,18 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::lens_blur;
 use crate::deconvolution::lens_model::LensModel;
 use crate::deconvolution::level_norms::LevelNorms;
-use crate::frame::{Channel, Mosaic};
+use crate::frame::{Channel, Mosaic, Plane};
 
 /// Rounds of Lanczos's method for each wavelet level: at sites many singular values are close, and
 /// after 8 rounds the norms are up to a tenth too small.
-pub(super) const ROUNDS: usize = 16;
+const ROUNDS: usize = 16;
+/// Rounds of the power method, started from grey, which is close to the dominant picture.
+const POWER_ROUNDS: usize = 12;
+/// Seed of the initial picture for each wavelet level.
+const LEVEL_SEED: u64 = 17;
 
 /// Norms of K, or of √weight · K at the sites of colour filters, for raw photos
 /// ([`crate::deconvolution::method::Problem`]).
@@ -25,6 +30,16 @@ impl OperatorNorms {
     pub fn uniform(levels: usize, squared: f32) -> OperatorNorms {
         let of_level = || LevelNorms::uniform(levels, squared);
         OperatorNorms { squared: [squared; 3], levels: [(); 3].map(|()| of_level()) }
+    }
+
+    /// Computes the norms of `model` for `levels` wavelet levels; also returns green's dominant
+    /// picture.
+    pub fn at_pixels(model: &LensModel, levels: usize) -> (OperatorNorms, Plane) {
+        let found = Channel::each(|c| lens_blur::dominant(model, c, POWER_ROUNDS));
+        let squared = found.each_ref().map(|(norm, _)| *norm);
+        let of_channel = |c| LevelNorms::measure(model, c, levels, ROUNDS, LEVEL_SEED);
+        let [_, (_, green), _] = found;
+        (OperatorNorms { squared, levels: Channel::each(of_channel) }, green)
     }
 
     /// Computes the norms of `model` at sites for `levels` wavelet levels. All Bayer mosaics have

@@ -72,7 +72,6 @@ impl Calibration {
     ) -> Result<Calibration, FocusError> {
         self.check_offset(offset)?;
         let (found, allowed) = (&measured.functions, &self.functions);
-        let grid = |f: &LensFunctions| (f.rows, f.columns, f.support_px);
         if grid(found) != grid(allowed) {
             let [found, allowed] = [found, allowed].map(|f| [f.rows * f.columns, f.support_px]);
             return Err(FocusError::Grid(found, allowed));
@@ -94,7 +93,6 @@ impl Calibration {
     /// place, as far as they fit this grid.
     #[must_use]
     pub fn with_focuses_of(mut self, before: &Calibration) -> Calibration {
-        let grid = |f: &LensFunctions| (f.rows, f.columns, f.support_px);
         let own = (grid(&self.functions), self.at_sites.is_some());
         let fits = |of: &&OtherFocus| {
             (grid(&of.functions), of.at_sites.is_some()) == own
@@ -150,6 +148,10 @@ impl Calibration {
 /// [`FocusError::Offset`] if not.
 pub fn focus_offset(offset: f32) -> Result<f32, FocusError> {
     is_offset(offset).then_some(offset).ok_or(FocusError::Offset(offset))
+}
+
+fn grid(functions: &LensFunctions) -> [usize; 3] {
+    [functions.rows, functions.columns, functions.support_px]
 }
 
 fn is_offset(offset: f32) -> bool {

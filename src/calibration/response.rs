@@ -4,7 +4,7 @@ use nalgebra::{Cholesky, DMatrix, DVector, SMatrix, SVector};
 
 use super::cross_channel::BlockReading;
 use super::curve::{CurveError, ResponseCurve};
-use super::surface::{KnotPosition, basis, place};
+use super::surface::{KnotPosition, add_squared, basis, place, second_difference};
 
 /// Knot intervals over the codes: they follow a gamma curve with a toe to 0.15 of 255 for readings
 /// with errors of up to 0.2 (tested below).
@@ -27,21 +27,14 @@ pub fn fit(readings: impl IntoIterator<Item = (u8, f64)>) -> Result<ResponseCurv
     for (code, value) in readings {
         let KnotPosition { segment, t, .. } = place(f64::from(code), 0.0, 255.0, INTERVALS);
         let weights = basis(t);
-        for (p, a) in weights.iter().enumerate() {
-            side[segment + p] += a * value;
-            for (q, b) in weights.iter().enumerate() {
-                matrix[(segment + p, segment + q)] += a * b;
-            }
-        }
+        let terms: [_; 4] = std::array::from_fn(|k| (segment + k, weights[k]));
+        terms.iter().for_each(|(p, weight)| side[*p] += weight * value);
+        add_squared(&mut matrix, &terms, 1.0);
         count += 1;
     }
     let weight = BENDING * count as f64 / unknowns as f64 + 1e-12;
     for n in 0..unknowns - 2 {
-        for (p, a) in [(n, 1.0), (n + 1, -2.0), (n + 2, 1.0)] {
-            for (q, b) in [(n, 1.0), (n + 1, -2.0), (n + 2, 1.0)] {
-                matrix[(p, q)] += weight * a * b;
-            }
-        }
+        add_squared(&mut matrix, &second_difference(n, 1), weight);
     }
     let flat = || CurveError::not_rising(0, 0.0, 0.0);
     let coefficients = Cholesky::new(matrix).ok_or_else(flat)?.solve(&side);

@@ -6,7 +6,7 @@
 //! Beyond its domain a surface continues along its tangent, so that an extrapolated map stays
 //! bounded.
 
-use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
+use nalgebra::{Cholesky, DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 
 /// A rectangle of real coordinates, edges included.
@@ -70,11 +70,46 @@ impl Surface {
         samples: impl IntoIterator<Item = Sample>,
         bending: f64,
     ) -> Result<Surface, SurfaceError> {
-        let mut system = NormalEquations::new(domain, columns, rows);
-        for sample in samples {
-            system.add(sample);
+        let (columns, rows) = (columns.max(1), rows.max(1));
+        let (w, h) = (columns + 3, rows + 3);
+        let (mut matrix, mut right) = (DMatrix::zeros(w * h, w * h), DVector::zeros(w * h));
+        let mut count = 0;
+        for Sample { x, y, value } in samples {
+            let across = place(x, domain.left, domain.right, columns);
+            let down = place(y, domain.top, domain.bottom, rows);
+            let (bx, by) = (basis(across.t), basis(down.t));
+            let terms: [(usize, f64); 16] = std::array::from_fn(|n| {
+                let unknown = (down.segment + n / 4) * w + across.segment + n % 4;
+                (unknown, by[n / 4] * bx[n % 4])
+            });
+            terms.iter().for_each(|(p, weight)| right[*p] += weight * value);
+            add_squared(&mut matrix, &terms, 1.0);
+            count += 1;
         }
-        system.solve(bending)
+        if count < SAMPLES_MIN {
+            return Err(SurfaceError::TooFewSamples(count));
+        }
+        let weight = bending * count as f64 / (w * h) as f64;
+        for n in 0..w * h {
+            let (inner_x, inner_y) = (n % w + 1 < w, n / w + 1 < h);
+            if n % w + 2 < w {
+                add_squared(&mut matrix, &second_difference(n, 1), weight);
+            }
+            if n / w + 2 < h {
+                add_squared(&mut matrix, &second_difference(n, w), weight);
+            }
+            if inner_x && inner_y {
+                // The mixed derivative counts twice in the bending energy.
+                let mixed = [(n, 1.0), (n + 1, -1.0), (n + w, -1.0), (n + w + 1, 1.0)];
+                add_squared(&mut matrix, &mixed, 2.0 * weight);
+            }
+        }
+        let undetermined = SurfaceError::Undetermined(count);
+        let coefficients = Cholesky::new(matrix).ok_or(undetermined)?.solve(&right);
+        if coefficients.iter().any(|c| !c.is_finite()) {
+            return Err(undetermined);
+        }
+        Ok(Surface { domain, columns, rows, coefficients: coefficients.data.into() })
     }
 
     /// The constant surface `value`.
@@ -236,86 +271,19 @@ fn cubic(c: &[f64]) -> [f32; 4] {
     ]
 }
 
-/// Normal equations of a fit.
-struct NormalEquations {
-    shape: Surface,
-    matrix: DMatrix<f64>,
-    right: DVector<f64>,
-    samples: usize,
+/// Adds `weight` times the square of a sum of `terms`, each an unknown and its factor, to the
+/// `matrix` of normal equations.
+pub(super) fn add_squared(matrix: &mut DMatrix<f64>, terms: &[(usize, f64)], weight: f64) {
+    for &(p, a) in terms {
+        for &(q, b) in terms {
+            matrix[(p, q)] += weight * a * b;
+        }
+    }
 }
 
-impl NormalEquations {
-    fn new(domain: Domain, columns: usize, rows: usize) -> NormalEquations {
-        let (columns, rows) = (columns.max(1), rows.max(1));
-        let unknowns = (columns + 3) * (rows + 3);
-        let shape = Surface { domain, columns, rows, coefficients: Vec::new() };
-        NormalEquations {
-            shape,
-            matrix: DMatrix::zeros(unknowns, unknowns),
-            right: DVector::zeros(unknowns),
-            samples: 0,
-        }
-    }
-
-    fn add(&mut self, sample: Sample) {
-        let s = &self.shape;
-        let KnotPosition { segment: i, t: tx, .. } =
-            place(sample.x, s.domain.left, s.domain.right, s.columns);
-        let KnotPosition { segment: j, t: ty, .. } =
-            place(sample.y, s.domain.top, s.domain.bottom, s.rows);
-        let (bx, by) = (basis(tx), basis(ty));
-        let mut terms = [(0usize, 0.0f64); 16];
-        for (n, term) in terms.iter_mut().enumerate() {
-            *term = ((j + n / 4) * (s.columns + 3) + i + n % 4, by[n / 4] * bx[n % 4]);
-        }
-        for &(p, wp) in &terms {
-            self.right[p] += wp * sample.value;
-            for &(q, wq) in &terms {
-                self.matrix[(p, q)] += wp * wq;
-            }
-        }
-        self.samples += 1;
-    }
-
-    fn solve(mut self, bending: f64) -> Result<Surface, SurfaceError> {
-        if self.samples < SAMPLES_MIN {
-            return Err(SurfaceError::TooFewSamples(self.samples));
-        }
-        let (w, h) = (self.shape.columns + 3, self.shape.rows + 3);
-        let weight = bending * self.samples as f64 / (w * h) as f64;
-        let mut penalise = |terms: &[(usize, f64)], weight: f64| {
-            for &(p, a) in terms {
-                for &(q, b) in terms {
-                    self.matrix[(p, q)] += weight * a * b;
-                }
-            }
-        };
-        for j in 0..h {
-            for i in 0..w {
-                let n = j * w + i;
-                if i + 2 < w {
-                    penalise(&[(n, 1.0), (n + 1, -2.0), (n + 2, 1.0)], weight);
-                }
-                if j + 2 < h {
-                    penalise(&[(n, 1.0), (n + w, -2.0), (n + 2 * w, 1.0)], weight);
-                }
-                if i + 1 < w && j + 1 < h {
-                    // The mixed derivative counts twice in the bending energy.
-                    penalise(
-                        &[(n, 1.0), (n + 1, -1.0), (n + w, -1.0), (n + w + 1, 1.0)],
-                        2.0 * weight,
-                    );
-                }
-            }
-        }
-        let undetermined = SurfaceError::Undetermined(self.samples);
-        let factor: Cholesky<f64, Dyn> = Cholesky::new(self.matrix).ok_or(undetermined)?;
-        let coefficients: Vec<f64> = factor.solve(&self.right).iter().copied().collect();
-        if coefficients.iter().any(|c| !c.is_finite()) {
-            return Err(undetermined);
-        }
-        Ok(Surface { coefficients, ..self.shape })
-    }
+/// The second difference of three unknowns from the `n`-th, `apart` from each other.
+pub(super) fn second_difference(n: usize, apart: usize) -> [(usize, f64); 3] {
+    [(n, 1.0), (n + apart, -2.0), (n + 2 * apart, 1.0)]
 }
 
 #[cfg(test)]

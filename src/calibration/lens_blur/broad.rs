@@ -10,6 +10,8 @@
 //! edges, errors of the functions would be mistaken for broad light. Broad light within the support
 //! was measured with the functions and is removed from them afterwards.
 
+use nalgebra::{DMatrix, DVector};
+
 use super::Shot;
 use crate::deconvolution::lens_model::broad::{SHARE_MAX, Veil};
 use crate::deconvolution::lens_model::{Beyond, Halo, LensFunctions};
@@ -150,21 +152,18 @@ fn evidence(support_px: usize, shot: &Shot, veils: &[Veil], trusted: &Plane<u8>)
 
 /// Non-negative least-squares shares of `count` Gaussians.
 fn shares(evidence: &[PatternMisfit], count: usize) -> Vec<f64> {
-    let dot =
-        |a: &dyn Fn(&PatternMisfit) -> Vec<f64>, b: &dyn Fn(&PatternMisfit) -> Vec<f64>| -> f64 {
-            evidence.iter().map(|e| a(e).iter().zip(&b(e)).map(|(a, b)| a * b).sum::<f64>()).sum()
-        };
-    let column = |j: usize| move |e: &PatternMisfit| e.columns[j].clone();
-    let misfit = |e: &PatternMisfit| e.misfit.clone();
-    let normal: Vec<Vec<f64>> =
-        (0..count).map(|i| (0..count).map(|j| dot(&column(i), &column(j))).collect()).collect();
-    let side: Vec<f64> = (0..count).map(|i| dot(&column(i), &misfit)).collect();
+    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+    let products = |i: usize, of: &dyn Fn(&PatternMisfit) -> &[f64]| -> f64 {
+        evidence.iter().map(|e| dot(&e.columns[i], of(e))).sum()
+    };
+    let normal = DMatrix::from_fn(count, count, |i, j| products(i, &|e| &e.columns[j]));
+    let side = DVector::from_fn(count, |i, _| products(i, &|e| &e.misfit));
     let mut shares = vec![0.0f64; count];
     for _ in 0..ROUNDS {
         for i in 0..count {
             let others: f64 =
-                (0..count).filter(|&j| j != i).map(|j| normal[i][j] * shares[j]).sum();
-            let best = (side[i] - others) / normal[i][i].max(f64::MIN_POSITIVE);
+                (0..count).filter(|&j| j != i).map(|j| normal[(i, j)] * shares[j]).sum();
+            let best = (side[i] - others) / normal[(i, i)].max(f64::MIN_POSITIVE);
             // Their sum is bounded by what a lens can scatter.
             let room = f64::from(SHARE_MAX) - (shares.iter().sum::<f64>() - shares[i]);
             shares[i] = best.clamp(0.0, room.max(0.0));

@@ -7,7 +7,6 @@
 //! them biases the model (study).
 
 mod broad;
-mod overlaps;
 mod plausibility;
 mod shape;
 
@@ -15,7 +14,7 @@ pub use broad::{halos, remove_halos, within_a_square};
 pub use plausibility::{dominant, misfit};
 pub use shape::{centroid, displacement, moments, normalise};
 
-use nalgebra::{Cholesky, DMatrix, Dyn};
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use rayon::prelude::*;
 
 use crate::deconvolution::lens_model::{LensFunctions, LensModel, LensModelError};
@@ -82,15 +81,28 @@ impl FunctionGrid {
     }
 
     /// Bilinear weights of `count` functions along a side, per canvas pixel.
-    fn hats(&self, photo_px: usize, count: usize) -> Vec<Vec<f64>> {
-        let place = |pixel: usize| {
+    fn hats(&self, photo_px: usize, count: usize) -> Vec<DVector<f64>> {
+        let hats = |pixel: usize| {
             let along =
                 (pixel as f64 - self.margin_px as f64 + 0.5) * count as f64 / photo_px as f64 - 0.5;
-            along.clamp(0.0, count as f64 - 1.0)
+            let place = along.clamp(0.0, count as f64 - 1.0);
+            DVector::from_fn(count, |n, _| (1.0 - (place - n as f64).abs()).max(0.0))
         };
-        let hats =
-            |pixel| (0..count).map(|n| (1.0 - (place(pixel) - n as f64).abs()).max(0.0)).collect();
         (0..photo_px + 2 * self.margin_px).map(hats).collect()
+    }
+
+    /// Σ over trusted pixels of the products of the functions' weights.
+    fn overlaps(&self, trusted: &Plane<u8>) -> DMatrix<f64> {
+        let (columns, functions) = (self.columns, self.rows * self.columns);
+        let across = self.hats(self.photo.width, columns);
+        let mut normal = DMatrix::zeros(functions, functions);
+        for (y, down) in self.hats(self.photo.height, self.rows).iter().enumerate() {
+            let mut of_row = DMatrix::zeros(columns, columns);
+            let seen = across.iter().zip(trusted.row(y)).filter(|(_, t)| **t > 0);
+            seen.for_each(|(across, _)| of_row.ger(1.0, across, across, 1.0));
+            normal += (down * down.transpose()).kronecker(&of_row);
+        }
+        normal
     }
 }
 
@@ -115,7 +127,7 @@ impl FunctionFit {
         let model = LensModel::new(grid.photo, grid.margin_px, &grid.unblurred())
             .map_err(LensBlurError::Model)?;
         let (canvas, trusted) = (grid.canvas(), trusted.clone());
-        let normal = overlaps::overlaps(&grid, &trusted);
+        let normal = grid.overlaps(&trusted);
         let diagonal = normal.trace() / normal.nrows() as f64;
         let not_seen = || {
             let count = trusted.data().iter().filter(|&&t| t > 0).count();
@@ -203,16 +215,10 @@ impl FunctionFit {
     fn preconditioned(&self, residual: &[f32], power: f64) -> Vec<f32> {
         let one = self.grid.support_px.pow(2);
         let functions = self.grid.rows * self.grid.columns;
-        let mut sides =
-            DMatrix::from_fn(functions, one, |n, tap| f64::from(residual[n * one + tap]) / power);
+        let sides = residual.iter().map(|&v| f64::from(v) / power);
+        let mut sides = DMatrix::from_iterator(one, functions, sides).transpose();
         self.overlaps.solve_mut(&mut sides);
-        let mut out = vec![0.0; residual.len()];
-        for n in 0..functions {
-            for tap in 0..one {
-                out[n * one + tap] = sides[(n, tap)] as f32;
-            }
-        }
-        out
+        sides.transpose().iter().map(|&v| v as f32).collect()
     }
 }
 
