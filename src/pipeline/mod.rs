@@ -21,8 +21,8 @@ mod solve;
 mod stages;
 
 pub use judging::{
-    Evidence, Findings, FineColour, Grain, Measures, PHOTO_LIMITS, PhotoLimits, Residuals, Unit,
-    WITNESSES, WitnessRow, harm, is_suspect,
+    Case, Evidence, FOREIGN, FineColour, Grain, Measures, NO_GAIN, Residuals, Unit, WITNESSES,
+    WitnessRow, harm, is_suspect, unexplained_product,
 };
 pub use methods::{hybrid, method, paper};
 pub use optical_residual::{CertifiedFocus, Confirmation, OpticalResidual};

@@ -28,7 +28,7 @@ impl Evidence {
 
     /// Luma's model residual over the untouched photo's; `None` where the result took grain out of
     /// a noisy photo, which gains by that alone if there is more in it than noise.
-    pub(super) fn luma_residual_over_photo(&self) -> Option<f64> {
+    pub fn luma_residual_over_photo(&self) -> Option<f64> {
         // Green, or the one channel of a grey photo.
         let luma = self.channels.get(self.channels.len() / 2)?;
         let is_cleared = self.grain.is_cleared() || self.cleared.is_cleared();
@@ -89,7 +89,7 @@ pub(super) fn worst_unexplained(channels: &[Residuals]) -> Option<&Residuals> {
 }
 
 /// [`Residuals::product`] of the worst channel, 0 if none counts.
-pub(in crate::pipeline) fn unexplained_product(channels: &[Residuals]) -> f64 {
+pub fn unexplained_product(channels: &[Residuals]) -> f64 {
     worst_unexplained(channels).map_or(0.0, |of| of.product().into())
 }
 

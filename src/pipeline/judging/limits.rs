@@ -25,12 +25,12 @@ pub(super) const DISTANCE: f64 = 1.15;
 pub(super) const EXCESS_LIGHT: f64 = 0.04;
 /// Luma's residual over the untouched photo's above which a result gains nothing. Set on the
 /// limits: harmless results have 0.85 at most, harmful ones 1.25.
-pub(super) const NO_GAIN: f64 = 1.05;
+pub const NO_GAIN: f64 = 1.05;
 
 /// Product of the residual over its floor and over the untouched photo's above which no scene gives
 /// the photo, of the reference solution, and a result is suspect. Set on `small.toml` under the
 /// laboratory's faults.
-pub(in crate::pipeline) const FOREIGN: f64 = 0.72;
+pub const FOREIGN: f64 = 0.72;
 /// Residual over its floor from which a channel shows more than noise. Set as [`FOREIGN`].
 pub(super) const MORE_THAN_NOISE: f32 = 1.6;
 /// Least residual over the untouched photo's of a channel that counts for [`FOREIGN`]: a contrasty

@@ -13,7 +13,7 @@
 //! ([`TotalVariation::default`]): no capture goes into it, and flat parts stay flat.
 
 use super::distance::{Compared, lightness};
-use super::evidence::{Evidence, Residuals, unexplained_product};
+use super::evidence::{Evidence, Residuals};
 use super::fine_colour::FineColour;
 use super::grain::Grain;
 use super::limits;
@@ -21,22 +21,15 @@ use crate::frame::{Frame, Work};
 use crate::pipeline::stages::{Prepared, Solved};
 
 /// A result under judgement.
-pub(super) struct Case<'a> {
-    pub(super) photo: &'a Prepared<'a>,
-    pub(super) solved: &'a Solved,
-    pub(super) evidence: &'a Evidence,
+pub struct Case<'a> {
+    /// The photo.
+    pub photo: &'a Prepared<'a>,
+    /// The result.
+    pub solved: &'a Solved,
+    /// What is known of the result by itself.
+    pub evidence: &'a Evidence,
     /// The reference solution, once it is solved.
-    pub(super) reference: Option<&'a Frame<Work>>,
-}
-
-/// [`Evidence::excess_light`].
-pub(super) fn excess_light(case: &Case<'_>) -> Option<f64> {
-    Some(case.evidence.excess_light().into())
-}
-
-/// [`Evidence::luma_residual_over_photo`].
-pub(super) fn luma_residual_over_photo(case: &Case<'_>) -> Option<f64> {
-    case.evidence.luma_residual_over_photo()
+    pub reference: Option<&'a Frame<Work>>,
 }
 
 /// Largest model residual over the untouched photo's, of the channels where it is more than noise;
@@ -46,21 +39,6 @@ pub(super) fn residual_over_photo(case: &Case<'_>) -> Option<f64> {
         case.evidence.channels.iter().filter(|of| of.over_floor() > limits::MORE_THAN_NOISE);
     let largest = over_noise.map(Residuals::over_untouched).max_by(f32::total_cmp);
     largest.filter(|_| !is_certified(case)).map(f64::from)
-}
-
-/// [`unexplained_product`] of the result.
-pub(super) fn unexplained(case: &Case<'_>) -> Option<f64> {
-    Some(unexplained_product(&case.evidence.channels))
-}
-
-/// Distance of the result from the reference solution in lightness, the photo's being 1.
-pub(super) fn distance(case: &Case<'_>) -> Option<f64> {
-    Some(compared(case)?.by_lightness())
-}
-
-/// Distance of the result from the reference solution in colour; `None` for a grey photo.
-pub(super) fn colour_distance(case: &Case<'_>) -> Option<f64> {
-    compared(case)?.by_colour()
 }
 
 /// Fine colour over fine lightness; `None` where the reference solution is dotted, too.
@@ -85,7 +63,8 @@ pub(super) fn grain(case: &Case<'_>) -> Option<f64> {
     Some(grain.over_allowed().into())
 }
 
-fn compared<'a>(case: &Case<'a>) -> Option<Compared<'a>> {
+/// The result beside the photo and the reference solution; `None` before that is solved.
+pub(super) fn compared<'a>(case: &Case<'a>) -> Option<Compared<'a>> {
     let Case { photo, solved, reference, .. } = *case;
     let (result, channels) = (&solved.picture, photo.observation.channels);
     Some(Compared { result, photo: &photo.photo, reference: reference?, channels })

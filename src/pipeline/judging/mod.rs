@@ -8,7 +8,6 @@
 
 mod distance;
 mod evidence;
-mod findings;
 mod fine_colour;
 mod grain;
 pub(super) mod limits;
@@ -18,13 +17,12 @@ mod residuals;
 mod table;
 mod verdict;
 
-pub(super) use evidence::unexplained_product;
 use evidence::worst_unexplained;
-pub use evidence::{Evidence, Residuals};
-pub use findings::{Findings, PHOTO_LIMITS, PhotoLimits};
+pub use evidence::{Evidence, Residuals, unexplained_product};
 pub use fine_colour::FineColour;
 pub use grain::Grain;
-use measures::Case;
+pub use limits::{FOREIGN, NO_GAIN};
+pub use measures::Case;
 pub(super) use reference::KnownCandidate;
 pub(super) use residuals::valid_pixels;
 pub use table::{Unit, WITNESSES, WitnessRow};
@@ -57,7 +55,7 @@ impl Pipeline {
     ) -> Result<Outcome, MethodError> {
         let evidence = self.evidence(photo, solved);
         let alone = Case { photo, solved, evidence: &evidence, reference: None };
-        let measures = verdict::measure(&WITNESSES, &alone);
+        let measures = alone.measures();
         if !is_suspect(&WITNESSES, &measures, solved.about.starts_from_lens) {
             return Ok(Outcome::of(solved, evidence));
         }
@@ -83,7 +81,7 @@ impl Pipeline {
         }
         let reference_solution = &reference.solved;
         let beside = Case { reference: Some(&reference_solution.picture), ..alone };
-        let measures = verdict::measure(&WITNESSES, &beside);
+        let measures = beside.measures();
         let Some(reason) = verdict::harm_in_words(&WITNESSES, &measures) else {
             return Ok(Outcome::of(solved, evidence));
         };
@@ -112,12 +110,15 @@ impl Pipeline {
         let evidence = self.evidence(photo, &solved);
         let reference = Some(&reference.picture);
         let case = Case { photo, solved: &solved, evidence: &evidence, reference };
-        let harms = harm(&WITNESSES, &verdict::measure(&WITNESSES, &case)).is_some();
+        let harms = harm(&WITNESSES, &case.measures()).is_some();
         Ok((!harms).then(|| Outcome::of(&solved, evidence)))
     }
 
     /// Solves `photo` by `method` with the measured lens and no capture.
-    fn by_lens_alone(
+    ///
+    /// # Errors
+    /// When there is no lens model.
+    pub fn by_lens_alone(
         &self,
         method: &dyn Method,
         photo: &Prepared<'_>,
@@ -132,7 +133,7 @@ impl Pipeline {
     /// of that lens alone: the finding of [`Pipeline::judge`], before any more captures.
     pub(super) fn is_hopeless(&self, photo: &Prepared<'_>, seen: &Frame<Work>) -> bool {
         let channels = self.residuals(photo, seen);
-        if unexplained_product(&channels) <= limits::FOREIGN {
+        if unexplained_product(&channels) <= FOREIGN {
             return false;
         }
         let candidate = KnownCandidate { channels: &channels, seen };
@@ -147,7 +148,7 @@ impl Pipeline {
 /// Whether luma leaves as much unexplained as the untouched photo's does.
 fn gains_nothing(evidence: &Evidence) -> bool {
     let found = evidence.luma_residual_over_photo();
-    found.is_some_and(|found| found > limits::NO_GAIN || found.is_nan())
+    found.is_some_and(|found| found > NO_GAIN || found.is_nan())
 }
 
 /// The `photo` itself in place of what was `solved`.
@@ -166,7 +167,7 @@ fn foreign(channels: &[Residuals]) -> String {
         "the measured lens does not explain the photo; it may come from another lens, be sharp \
          already, or have been sharpened or compressed (residual: {floors:.1} times what noise and \
          the lens model leave, allowed {:.1} times; {:.0} % of the untouched photo's)",
-        limits::FOREIGN as f32 / share,
+        FOREIGN as f32 / share,
         100.0 * share
     )
 }

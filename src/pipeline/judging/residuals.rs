@@ -18,7 +18,7 @@ use crate::pipeline::stages::{Prepared, Solved};
 
 impl Pipeline {
     /// What is known of `solved` by itself.
-    pub(super) fn evidence(&self, photo: &Prepared<'_>, solved: &Solved) -> Evidence {
+    pub fn evidence(&self, photo: &Prepared<'_>, solved: &Solved) -> Evidence {
         let photo_seen = lightness(&photo.photo, photo.observation.channels);
         let result = lightness(&solved.picture, photo.observation.channels);
         Evidence {

@@ -1,8 +1,9 @@
 //! The table by which results are judged: the witnesses against a result, each with its measure,
 //! its [limits](super::limits) and the user's sentence.
 
+use super::evidence::unexplained_product;
 use super::limits::{DISTANCE, DOTTED, EXCESS_LIGHT, FOREIGN, NO_GAIN};
-use super::measures::{self, Case};
+use super::measures::{self, Case, compared};
 
 /// Unit of a measure.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -35,7 +36,7 @@ pub const WITNESSES: [WitnessRow; 8] = [
     WitnessRow {
         name: "light",
         unit: Unit::Share,
-        measure: measures::excess_light,
+        measure: |case| Some(case.evidence.excess_light().into()),
         suspect_above: Some(EXCESS_LIGHT),
         harm_above: Some(EXCESS_LIGHT),
         sentence: "the brightness of the result differed from the photo's by {found} (allowed \
@@ -45,7 +46,7 @@ pub const WITNESSES: [WitnessRow; 8] = [
     WitnessRow {
         name: "no gain",
         unit: Unit::Times,
-        measure: measures::luma_residual_over_photo,
+        measure: |case| case.evidence.luma_residual_over_photo(),
         suspect_above: Some(NO_GAIN),
         harm_above: Some(NO_GAIN),
         sentence: "noise hides what the lens did to the photo, and the result explained the photo \
@@ -62,7 +63,7 @@ pub const WITNESSES: [WitnessRow; 8] = [
     WitnessRow {
         name: "unexplained",
         unit: Unit::Times,
-        measure: measures::unexplained,
+        measure: |case| Some(unexplained_product(&case.evidence.channels)),
         suspect_above: Some(FOREIGN),
         harm_above: None,
         sentence: "",
@@ -70,7 +71,7 @@ pub const WITNESSES: [WitnessRow; 8] = [
     WitnessRow {
         name: "distance",
         unit: Unit::Share,
-        measure: measures::distance,
+        measure: |case| Some(compared(case)?.by_lightness()),
         suspect_above: None,
         harm_above: Some(DISTANCE),
         sentence: "the result was too far from what the measured lens alone makes of the photo \
@@ -79,7 +80,7 @@ pub const WITNESSES: [WitnessRow; 8] = [
     WitnessRow {
         name: "colour distance",
         unit: Unit::Share,
-        measure: measures::colour_distance,
+        measure: |case| compared(case)?.by_colour(),
         suspect_above: None,
         harm_above: Some(DISTANCE),
         sentence: "the result was too far in colour from what the measured lens alone makes of \

@@ -1,14 +1,16 @@
 //! The walk of the table.
 
 use super::measures::Case;
-use super::table::{Unit, WitnessRow};
+use super::table::{Unit, WITNESSES, WitnessRow};
 
 /// What each witness of a table measures of a result; `None` where a measure does not apply.
 pub type Measures = Vec<Option<f64>>;
 
-/// The measures of `case`, one for each witness of `table`.
-pub(super) fn measure(table: &[WitnessRow], case: &Case<'_>) -> Measures {
-    table.iter().map(|witness| (witness.measure)(case)).collect()
+impl Case<'_> {
+    /// One measure for each of the [`WITNESSES`].
+    pub fn measures(&self) -> Measures {
+        WITNESSES.iter().map(|witness| (witness.measure)(self)).collect()
+    }
 }
 
 /// Whether a result calls for a reference solution: any of a method that does not start from the
@@ -48,7 +50,6 @@ pub(super) fn exceeds(found: Option<f64>, limit: Option<f64>) -> bool {
 
 #[cfg(test)]
 mod tests {
-    use super::super::table::WITNESSES;
     use super::*;
 
     /// Measures of which all are missing but that of the witness `name`.

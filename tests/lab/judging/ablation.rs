@@ -2,9 +2,7 @@
 //! limit moved.
 
 use relens::chart::table::Table;
-use relens::pipeline::{
-    PHOTO_LIMITS, PhotoLimits, Verdict, WITNESSES, WitnessRow, harm, is_suspect,
-};
+use relens::pipeline::{FOREIGN, NO_GAIN, Verdict, WITNESSES, WitnessRow, harm, is_suspect};
 
 use super::record::Record;
 use crate::likeness::Likeness;
@@ -16,7 +14,10 @@ const NEIGHBOURS: [f64; 2] = [0.8, 1.25];
 #[derive(Clone)]
 struct Limits {
     witnesses: Vec<WitnessRow>,
-    photo: PhotoLimits,
+    /// Above this of what the reference solution leaves unexplained no scene gives the photo.
+    foreign_above: f64,
+    /// Above this of luma nothing is gained.
+    no_gain_above: f64,
 }
 
 /// The effect of each witness and each limit on `records`.
@@ -46,7 +47,7 @@ pub(crate) fn differing(records: &[Record]) -> usize {
 }
 
 fn as_it_is() -> Limits {
-    Limits { witnesses: WITNESSES.to_vec(), photo: PHOTO_LIMITS }
+    Limits { witnesses: WITNESSES.to_vec(), foreign_above: FOREIGN, no_gain_above: NO_GAIN }
 }
 
 /// The table, the table without each witness, and with each limit at its neighbours.
@@ -57,7 +58,7 @@ fn variants() -> Vec<(String, Limits)> {
             let mut limits = as_it_is();
             change(&mut limits.witnesses[n]);
             if witness.name == "no gain" {
-                limits.photo.no_gain_above *= no_gain;
+                limits.no_gain_above *= no_gain;
             }
             all.push((name, limits));
         };
@@ -85,7 +86,7 @@ fn variants() -> Vec<(String, Limits)> {
     }
     for (name, times) in [("without", f64::INFINITY), ("× 0.8", 0.8), ("× 1.25", 1.25)] {
         let mut limits = as_it_is();
-        limits.photo.foreign_above *= times;
+        limits.foreign_above *= times;
         all.push((format!("foreign {name}"), limits));
     }
     all
@@ -94,7 +95,7 @@ fn variants() -> Vec<(String, Limits)> {
 /// The verdict on `record`, and what is delivered.
 fn walk(record: &Record, limits: &Limits) -> (Verdict, Likeness) {
     let judged = &record.judged;
-    let Limits { witnesses, photo } = limits;
+    let Limits { witnesses, foreign_above, no_gain_above } = limits;
     let [alone, beside, digital] = &judged.measures;
     let untouched = (Verdict::Untouched, record.photo);
     if judged.before_solving {
@@ -103,9 +104,9 @@ fn walk(record: &Record, limits: &Limits) -> (Verdict, Likeness) {
     if !is_suspect(witnesses, alone, true) {
         return (Verdict::Sound, record.result);
     }
-    let no_gain = |found: Option<f64>| found.is_some_and(|found| found > photo.no_gain_above);
+    let no_gain = |found: Option<f64>| found.is_some_and(|found| found > *no_gain_above);
     let own = WITNESSES.iter().position(|of| of.name == "no gain").and_then(|n| alone[n]);
-    if judged.foreign > photo.foreign_above || no_gain(own) && no_gain(judged.reference_gain) {
+    if judged.foreign > *foreign_above || no_gain(own) && no_gain(judged.reference_gain) {
         return untouched;
     }
     if harm(witnesses, beside).is_none() {

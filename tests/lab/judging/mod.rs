@@ -3,6 +3,7 @@
 
 mod ablation;
 mod cases;
+mod findings;
 pub(crate) mod foreign;
 pub(crate) mod groups;
 mod record;

@@ -2,8 +2,9 @@
 //! list of all results.
 
 use relens::deconvolution::method::Method;
-use relens::pipeline::{Findings, Measures, Prepared, Verdict, WITNESSES};
+use relens::pipeline::{Measures, Prepared, Verdict, WITNESSES};
 
+use super::findings::Findings;
 use crate::Failure;
 use crate::harness::Harness;
 use crate::likeness::{Likeness, Truth};
@@ -53,7 +54,7 @@ impl Record {
         let restored = harness.restore(photo, method)?;
         let (pipeline, _) = harness.test_rig.parts();
         let Findings { alone, beside, digital, foreign, reference_gain, pictures } =
-            pipeline.findings(photo, &restored.solved)?;
+            Findings::of(pipeline, photo, &restored.solved)?;
         Ok(Record {
             of: Default::default(),
             healthy: false,
