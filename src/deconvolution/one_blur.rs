@@ -14,6 +14,7 @@
 
 use super::colour_axis::width_px;
 use super::data_term::{NOISE_MIN, TRUSTED};
+use super::focus::standard_errors;
 use super::lens_model::{Density, LensModel};
 use super::observation::Observation;
 use super::smoothing::blur;
@@ -76,7 +77,7 @@ pub fn errors_for_one_blur(model: &LensModel, photo: &Observation) -> Option<f64
         shows.then(|| f64::from((powers[0] - powers[1]) / all))
     };
     let gains: Vec<f64> = tiles(photo.rect).filter_map(gain).collect();
-    (gains.len() >= TILES_MIN).then(|| in_errors(&gains))
+    (gains.len() >= TILES_MIN).then(|| standard_errors(&gains))
 }
 
 /// The tiles of a photo at `rect`.
@@ -89,14 +90,6 @@ fn tiles(rect: Rect) -> impl Iterator<Item = Rect> {
         let size = Size::new(across.len(), down.len());
         Rect { x: rect.x + across.start, y: rect.y + down.start, size }
     })
-}
-
-/// The mean of `gains` in its standard errors.
-fn in_errors(gains: &[f64]) -> f64 {
-    let count = gains.len() as f64;
-    let mean = gains.iter().sum::<f64>() / count;
-    let squares: f64 = gains.iter().map(|gain| (gain - mean).powi(2)).sum();
-    mean / (squares / (count * (count - 1.0).max(1.0))).sqrt().max(f64::MIN_POSITIVE)
 }
 
 /// `green` with the blur of blue in place of its own.

@@ -28,8 +28,8 @@ const LN_POWERS: (f64, f64) = (-30.0, 30.0);
 /// A scene's power spectrum, A |f|^−b.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct PowerLaw {
-    ln_power: f64,
-    exponent: f64,
+    pub(super) ln_power: f64,
+    pub(super) exponent: f64,
 }
 
 impl PowerLaw {
@@ -39,23 +39,6 @@ impl PowerLaw {
         // 60 is about the mean of |f|^−2 over a tile's frequencies.
         PowerLaw { ln_power: f64::from(mean.max(1e-6) / 60.0).ln(), exponent: 2.0 }
     }
-}
-
-#[cfg(test)]
-impl PowerLaw {
-    pub(super) fn at(ln_power: f64, exponent: f64) -> PowerLaw {
-        PowerLaw { ln_power, exponent }
-    }
-
-    pub(super) fn numbers(&self) -> (f64, f64) {
-        (self.ln_power, self.exponent)
-    }
-}
-
-/// −ln likelihood of `scene`.
-#[cfg(test)]
-pub(super) fn cost(at: &Frequencies, of: &TileSpectrum, passed: &[f32], scene: PowerLaw) -> f64 {
-    scored(at, of, passed, scene).cost
 }
 
 /// Fits `scene` to a `spectrum` behind a lens of power transfer function `passed`; returns −ln
@@ -110,12 +93,17 @@ pub(super) fn noise_alone<'a>(
 }
 
 /// −ln likelihood of a scene, and the Fisher scoring step of ln A and b.
-struct Scored {
-    cost: f64,
+pub(super) struct Scored {
+    pub(super) cost: f64,
     step: [f64; 2],
 }
 
-fn scored(at: &Frequencies, spectrum: &TileSpectrum, passed: &[f32], scene: PowerLaw) -> Scored {
+pub(super) fn scored(
+    at: &Frequencies,
+    spectrum: &TileSpectrum,
+    passed: &[f32],
+    scene: PowerLaw,
+) -> Scored {
     let PowerLaw { ln_power, exponent } = scene;
     let (ln_power, exponent) = (ln_power as f32, exponent as f32);
     let noise = spectrum.noise;

@@ -21,7 +21,7 @@ use rayon::prelude::*;
 use super::lens_model::LensFunctions;
 use crate::frame::Channel;
 use likelihood::{PowerLaw, likeliest};
-use spectra::{TileSpectrum, Tiles, Transfers};
+use spectra::{TilePlace, TileSpectrum, Tiles, Transfers};
 
 /// Candidates per interval between two measured offsets.
 const STEPS: usize = 4;
@@ -68,34 +68,30 @@ impl<'a> FocusSeries<'a> {
 
     /// Estimates the focus of `photo`; `None` unless it differs significantly from the panel's.
     pub fn find(&self, photo: &FocusData<'_>) -> Option<FoundFocus> {
-        let functions = self.members[0].1;
-        let tiles = Tiles::of(photo.rect.size, functions)?;
+        let functions: Vec<&LensFunctions> = self.members.iter().map(|member| member.1).collect();
         let panel = self.members.iter().position(|member| member.0 == 0.0)?;
-        // The transfer functions of a place serve all of its channels.
-        let costs: Vec<TileCosts> = tiles
-            .places()
-            .par_iter()
-            .filter_map(|place| {
-                let transfers = Transfers::of(&tiles, place, self.members.iter().map(|m| m.1));
-                let of = |&c: &Channel| Some((c, tiles.spectrum(photo, place, c)?));
-                let spectra: Vec<(Channel, TileSpectrum)> =
-                    photo.channels.list().iter().filter_map(of).collect();
-                (!spectra.is_empty()).then(|| TileCosts::of(&tiles, &spectra, &transfers))
-            })
-            .collect();
-        if costs.len() < TILES_MIN {
-            return None;
-        }
         let candidates = self.candidates();
-        let sums = sums(&costs);
+        let costs = map_tiles(photo, &functions, |tiles, spectra, transfers| {
+            let (mut costs, mut power) = (vec![0.0; candidates.len()], Vec::new());
+            for (channel, spectrum) in spectra {
+                // The fitted scene changes little from one candidate to the next.
+                let mut scene = PowerLaw::of(spectrum);
+                let at = tiles.frequencies(spectrum.folding);
+                for (cost, of) in costs.iter_mut().zip(&candidates) {
+                    transfers.power(*channel, of.before, of.share, &mut power);
+                    *cost += likeliest(at, spectrum, &power, &mut scene);
+                }
+            }
+            costs
+        });
+        let sums = sums(&costs, candidates.len());
         let best = least(&sums);
-        let at_panel = candidates.iter().position(|of| of.before == panel && of.step == 0)?;
-        let gains: Vec<f64> = costs.iter().map(|tile| tile.0[at_panel] - tile.0[best]).collect();
-        let errors = standard_errors(&gains);
+        let at_panel = candidates.iter().position(|of| of.before == panel && of.share == 0.0)?;
+        let errors = errors_for(&costs, at_panel, best);
         log::debug!(
             "focus: {:.3} dioptres, by {errors:.1} standard errors of {} tiles",
             self.offset(candidates[best]),
-            gains.len()
+            costs.len()
         );
         (best != at_panel && errors > STANDARD_ERRORS).then(|| self.interpolate(&sums, &candidates))
     }
@@ -103,14 +99,15 @@ impl<'a> FocusSeries<'a> {
     /// All members, and the steps between neighbours.
     fn candidates(&self) -> Vec<TriedFocus> {
         let last = self.members.len() - 1;
-        let between = (0..last).flat_map(|before| (0..STEPS).map(move |step| (before, step)));
-        between.chain([(last, 0)]).map(|(before, step)| TriedFocus { before, step }).collect()
+        let step = |before: usize, n: usize| TriedFocus { before, share: n as f32 / STEPS as f32 };
+        let between = (0..last).flat_map(|before| (0..STEPS).map(move |n| step(before, n)));
+        between.chain([step(last, 0)]).collect()
     }
 
     fn offset(&self, of: TriedFocus) -> f32 {
         let from = self.members[of.before].0;
         let to = self.members.get(of.before + 1).map_or(from, |next| next.0);
-        from + of.share() * (to - from)
+        from + of.share * (to - from)
     }
 
     /// The minimum of a parabola through the best candidate's cost and its neighbours'.
@@ -136,45 +133,41 @@ impl<'a> FocusSeries<'a> {
     }
 }
 
-/// A candidate focus, `step` of [`STEPS`] beyond a member.
+/// A candidate focus, a `share` of the way from the member `before` to the next.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct TriedFocus {
     before: usize,
-    step: usize,
+    share: f32,
 }
 
-impl TriedFocus {
-    fn share(self) -> f32 {
-        self.step as f32 / STEPS as f32
-    }
+/// `map` over the tiles of `photo`, each with its spectra and the transfer functions of `members`
+/// there; empty where too few tiles have data.
+fn map_tiles<T: Send>(
+    photo: &FocusData<'_>,
+    members: &[&LensFunctions],
+    map: impl Fn(&Tiles, &[(Channel, TileSpectrum)], &Transfers) -> T + Sync,
+) -> Vec<T> {
+    let Some(tiles) = Tiles::of(photo.rect.size, members[0]) else { return Vec::new() };
+    let one = |place: &TilePlace| {
+        let spectrum = |&c: &Channel| Some((c, tiles.spectrum(photo, place, c)?));
+        let spectra: Vec<_> = photo.channels.list().iter().filter_map(spectrum).collect();
+        // The transfer functions of a place serve all of its channels.
+        let transfers = || Transfers::of(&tiles, place, members);
+        (!spectra.is_empty()).then(|| map(&tiles, &spectra, &transfers()))
+    };
+    let all: Vec<T> = tiles.places().par_iter().filter_map(one).collect();
+    if all.len() < TILES_MIN { Vec::new() } else { all }
 }
 
-/// −ln likelihood of one tile for each candidate, summed over the channels.
-struct TileCosts(Vec<f64>);
-
-impl TileCosts {
-    fn of(tiles: &Tiles, spectra: &[(Channel, TileSpectrum)], transfers: &Transfers) -> TileCosts {
-        let members = transfers.members();
-        let mut costs = vec![0.0; (members - 1) * STEPS + 1];
-        let mut power = Vec::new();
-        for (channel, spectrum) in spectra {
-            // The fitted scene changes little from one candidate to the next.
-            let mut scene = PowerLaw::of(spectrum);
-            for (n, cost) in costs.iter_mut().enumerate() {
-                let of = TriedFocus { before: n / STEPS, step: n % STEPS };
-                transfers.power(*channel, of.before, of.share(), &mut power);
-                *cost +=
-                    likeliest(tiles.frequencies(spectrum.folding), spectrum, &power, &mut scene);
-            }
-        }
-        TileCosts(costs)
-    }
+/// The costs of each of `tried` hypotheses, summed over the tiles.
+fn sums(costs: &[Vec<f64>], tried: usize) -> Vec<f64> {
+    (0..tried).map(|n| costs.iter().map(|tile| tile[n]).sum()).collect()
 }
 
-/// The cost of each candidate, summed over `tiles`.
-fn sums(tiles: &[TileCosts]) -> Vec<f64> {
-    let tried = tiles.first().map_or(0, |tile| tile.0.len());
-    (0..tried).map(|n| tiles.iter().map(|tile| tile.0[n]).sum()).collect()
+/// Standard errors of the tiles' mean by which an `alternative` costs less than `first`.
+fn errors_for(costs: &[Vec<f64>], first: usize, alternative: usize) -> f64 {
+    let gains: Vec<f64> = costs.iter().map(|tile| tile[first] - tile[alternative]).collect();
+    if gains.is_empty() { 0.0 } else { standard_errors(&gains) }
 }
 
 /// Index of the minimum.
@@ -183,7 +176,7 @@ fn least(sums: &[f64]) -> usize {
 }
 
 /// The mean of `values` in units of its standard error.
-fn standard_errors(values: &[f64]) -> f64 {
+pub(super) fn standard_errors(values: &[f64]) -> f64 {
     let n = values.len() as f64;
     let mean = values.iter().sum::<f64>() / n;
     let variance = values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (n - 1.0).max(1.0);

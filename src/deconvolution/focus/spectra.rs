@@ -257,13 +257,9 @@ pub(super) struct Transfers {
 }
 
 impl Transfers {
-    pub(super) fn of<'a>(
-        tiles: &Tiles,
-        place: &TilePlace,
-        members: impl Iterator<Item = &'a LensFunctions> + Clone,
-    ) -> Transfers {
+    pub(super) fn of(tiles: &Tiles, place: &TilePlace, members: &[&LensFunctions]) -> Transfers {
         let of = |channel: Channel| {
-            let of_member = |functions: &LensFunctions| {
+            let of_member = |functions: &&LensFunctions| {
                 let k = functions.support_px;
                 let mut tile = vec![Complex32::default(); tiles.side * tiles.side];
                 let taps = functions.function(channel, place.row, place.column);
@@ -273,13 +269,9 @@ impl Transfers {
                 tiles.transform(&mut tile);
                 tile
             };
-            members.clone().map(of_member).collect()
+            members.iter().map(of_member).collect()
         };
         Transfers { of: Channel::ALL.map(of), side: tiles.side }
-    }
-
-    pub(super) fn members(&self) -> usize {
-        self.of[0].len()
     }
 
     /// Power transfer function of the first member scaled to `width` times its size: its value at

@@ -6,11 +6,9 @@
 //! makes the tiles' spectra likeliest: lens and sensor as measured, a noisier sensor, or a narrower
 //! lens.
 
-use rayon::prelude::*;
-
 use super::likelihood::{PowerLaw, likeliest, noise_alone};
-use super::spectra::{FocusData, TilePlace, TileSpectrum, Tiles, Transfers};
-use super::{TILES_MIN, least, standard_errors};
+use super::spectra::{FocusData, TileSpectrum, Tiles, Transfers};
+use super::{errors_for, least, map_tiles, sums};
 use crate::deconvolution::lens_model::LensFunctions;
 use crate::frame::Channel;
 
@@ -57,10 +55,10 @@ pub fn check_spectrum(
     let costs_of = |tried: &[TriedSource]| costs(functions, photo, tried);
     let tried = [as_measured, narrower, noisier];
     let first = costs_of(if noise_unknown { &tried } else { &tried[..2] });
-    if noise_unknown && errors_for(&first, 2) > NOISE_ERRORS {
+    if noise_unknown && errors_for(&first, 0, 2) > NOISE_ERRORS {
         return noise_factors(functions, photo).map(SpectralFinding::Noisier);
     }
-    let errors = errors_for(&first, 1);
+    let errors = errors_for(&first, 0, 1);
     log::debug!("a lens half as wide is likelier by {errors:.1} standard errors");
     if errors <= LENS_ERRORS {
         return None;
@@ -92,7 +90,7 @@ struct TriedSource {
 /// −ln likelihood of each of `tried`, tile by tile. The search for the likeliest scene starts at
 /// the last one found for the measured width.
 fn costs(functions: &LensFunctions, photo: &FocusData<'_>, tried: &[TriedSource]) -> Vec<Vec<f64>> {
-    map_tiles(functions, photo, |tiles, spectra, transfers| {
+    map_tiles(photo, &[functions], |tiles, spectra, transfers| {
         let mut costs = vec![0.0; tried.len()];
         for (channel, spectrum) in spectra {
             let (mut power, mut scene) = (Vec::new(), PowerLaw::of(spectrum));
@@ -144,7 +142,7 @@ fn measure_noise(functions: &LensFunctions, photo: &FocusData<'_>, times: f32) -
         };
         spectra.iter().filter_map(one).collect::<Vec<_>>()
     };
-    map_tiles(functions, photo, measure).into_iter().flatten().collect()
+    map_tiles(photo, &[functions], measure).into_iter().flatten().collect()
 }
 
 /// Factors on the sensor's noise power without light and on that of the light which explain the
@@ -171,33 +169,4 @@ fn fit_factors(tiles: &[TileNoise]) -> Option<[f32; 2]> {
         _ => [alone(0), 0.0],
     };
     powers.iter().all(|power| power.is_finite()).then_some(powers)
-}
-
-/// `map` over the tiles of `photo`, each with its spectra and the transfer of `functions` there;
-/// empty where too few tiles have data.
-fn map_tiles<T: Send>(
-    functions: &LensFunctions,
-    photo: &FocusData<'_>,
-    map: impl Fn(&Tiles, &[(Channel, TileSpectrum)], &Transfers) -> T + Sync,
-) -> Vec<T> {
-    let Some(tiles) = Tiles::of(photo.rect.size, functions) else { return Vec::new() };
-    let one = |place: &TilePlace| {
-        let spectrum = |&c: &Channel| Some((c, tiles.spectrum(photo, place, c)?));
-        let spectra: Vec<_> = photo.channels.list().iter().filter_map(spectrum).collect();
-        let transfers = Transfers::of(&tiles, place, std::iter::once(functions));
-        (!spectra.is_empty()).then(|| map(&tiles, &spectra, &transfers))
-    };
-    let all: Vec<T> = tiles.places().par_iter().filter_map(one).collect();
-    if all.len() < TILES_MIN { Vec::new() } else { all }
-}
-
-/// Sums over all tiles of the costs of each hypothesis.
-fn sums(costs: &[Vec<f64>], hypotheses: usize) -> Vec<f64> {
-    (0..hypotheses).map(|n| costs.iter().map(|tile| tile[n]).sum()).collect()
-}
-
-/// Standard errors of the tiles' mean by which an alternative is likelier than the first.
-fn errors_for(costs: &[Vec<f64>], alternative: usize) -> f64 {
-    let gains: Vec<f64> = costs.iter().map(|tile| tile[0] - tile[alternative]).collect();
-    if gains.is_empty() { 0.0 } else { standard_errors(&gains) }
 }

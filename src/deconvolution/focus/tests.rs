@@ -186,12 +186,12 @@ fn the_fitted_scene_is_the_true_one() {
         TileSpectrum { power: power.collect(), noise: 0.2, folding: spectra::Folding::Whole };
     let mut scene = PowerLaw::of(&spectrum);
     let best = likeliest(at, &spectrum, &passed, &mut scene);
-    let (ln_power, exponent) = scene.numbers();
+    let PowerLaw { ln_power, exponent } = scene;
     // The heavy-tailed likelihood underestimates the power.
     assert!((exponent - 2.4).abs() < 0.15 && (ln_power - 1.0).abs() < 0.6, "{scene:?}");
     for (a, b) in [(0.3, 0.0), (-0.3, 0.0), (0.0, 0.2), (0.0, -0.2)] {
-        let other = PowerLaw::at(ln_power + a, exponent + b);
-        let cost = likelihood::cost(at, &spectrum, &passed, other);
+        let other = PowerLaw { ln_power: ln_power + a, exponent: exponent + b };
+        let cost = likelihood::scored(at, &spectrum, &passed, other).cost;
         assert!(cost > best, "{a} {b}");
     }
 }
