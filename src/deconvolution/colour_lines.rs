@@ -178,7 +178,7 @@ impl<'a> Local<'a> {
     fn of(planes: [&'a Plane; 3], reach_px: f32) -> Local<'a> {
         let product = |&[a, b]: &[usize; 2]| {
             let mut product = planes[a].clone();
-            product.data_mut().iter_mut().zip(planes[b].data()).for_each(|(v, b)| *v *= b);
+            product.multiply(planes[b]);
             blur(&product, reach_px)
         };
         let (means, products) = rayon::join(

@@ -25,44 +25,17 @@ const MIDDLE: f32 = FULL_SCALE / 2.0;
 /// # Panics
 /// When the planes differ in size, which is a bug of the caller. So do the other measures.
 pub fn ssim(a: &Plane, b: &Plane) -> f64 {
-    let (mut total, mut places) = (0.0, 0usize);
-    for_each_row(a, b, |row| {
-        total += row.iter().map(|&v| f64::from(v)).sum::<f64>();
-        places += row.len();
-    });
-    total / places as f64
-}
-
-/// Peak signal-to-noise ratio in dB for a full scale of 255; infinite for equal planes.
-pub fn psnr(a: &Plane, b: &Plane) -> f64 {
-    assert!(a.size() == b.size(), "two planes to compare have one size");
-    let squares: f64 = a.data().iter().zip(b.data()).map(|(&x, &y)| f64::from(x - y).powi(2)).sum();
-    let mean = squares / a.size().area() as f64;
-    10.0 * (f64::from(FULL_SCALE).powi(2) / mean).log10()
-}
-
-/// Weights of the window along one side, summing to 1.
-fn window() -> [f32; WINDOW] {
-    let bell: [f64; WINDOW] = std::array::from_fn(|i| {
-        let from_middle = i as f64 - RADIUS as f64;
-        (-from_middle * from_middle / (2.0 * 1.5 * 1.5)).exp()
-    });
-    let total: f64 = bell.iter().sum();
-    bell.map(|v| (v / total) as f32)
-}
-
-/// Calls `take` with the similarities of one row after the other.
-fn for_each_row(a: &Plane, b: &Plane, mut take: impl FnMut(&[f32])) {
     assert!(a.size() == b.size(), "two planes to compare have one size");
     let width = a.width();
     if width < WINDOW || a.height() < WINDOW {
-        return;
+        return f64::NAN;
     }
     let weights = window();
     // Window sums down the columns, of: a, b, a², b², ab.
     let mut columns = [(); 5].map(|()| vec![0.0f32; width]);
     let mut sums = [(); 5].map(|()| vec![0.0f32; width - 2 * RADIUS]);
     let mut row = vec![0.0f32; width - 2 * RADIUS];
+    let (mut total, mut places) = (0.0, 0usize);
     for y in 0..=a.height() - WINDOW {
         columns.iter_mut().for_each(|c| c.fill(0.0));
         let [ca, cb, caa, cbb, cab] = &mut columns;
@@ -97,8 +70,28 @@ fn for_each_row(a: &Plane, b: &Plane, mut take: impl FnMut(&[f32])) {
                 (mean_a * mean_a + mean_b * mean_b + STABLE_MEAN) * (var_a + var_b + STABLE_SPREAD);
             row[i] = above / below;
         }
-        take(&row);
+        total += row.iter().map(|&v| f64::from(v)).sum::<f64>();
+        places += row.len();
     }
+    total / places as f64
+}
+
+/// Peak signal-to-noise ratio in dB for a full scale of 255; infinite for equal planes.
+pub fn psnr(a: &Plane, b: &Plane) -> f64 {
+    assert!(a.size() == b.size(), "two planes to compare have one size");
+    let squares: f64 = a.data().iter().zip(b.data()).map(|(&x, &y)| f64::from(x - y).powi(2)).sum();
+    let mean = squares / a.size().area() as f64;
+    10.0 * (f64::from(FULL_SCALE).powi(2) / mean).log10()
+}
+
+/// Weights of the window along one side, summing to 1.
+fn window() -> [f32; WINDOW] {
+    let bell: [f64; WINDOW] = std::array::from_fn(|i| {
+        let from_middle = i as f64 - RADIUS as f64;
+        (-from_middle * from_middle / (2.0 * 1.5 * 1.5)).exp()
+    });
+    let total: f64 = bell.iter().sum();
+    bell.map(|v| (v / total) as f32)
 }
 
 #[cfg(test)]

@@ -58,15 +58,6 @@ pub struct Registration {
     pub gain: f64,
 }
 
-/// A registration and the light added to the capture.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct OffsetRegistration {
-    /// Shift and gain.
-    pub registration: Registration,
-    /// Added light, grey levels.
-    pub offset_levels: f64,
-}
-
 /// [`TRUSTED`] where `trust` has data and `seen` is trusted.
 pub fn common_mask(trust: &Frame<Work, u8>, seen: &Frame<Work, u8>) -> Frame<Work, u8> {
     Frame::from_fn(|c| {
@@ -106,14 +97,14 @@ impl Registration {
         found
     }
 
-    /// Fits shift, gain and added light to first order, pixel by pixel. All NaN without data.
-    pub fn fit_with_offset(comparison: &Comparison<'_>) -> OffsetRegistration {
+    /// Fits shift, gain and added light, grey levels, to first order, pixel by pixel. All NaN
+    /// without data.
+    pub fn fit_with_offset(comparison: &Comparison<'_>) -> (Registration, f64) {
         let RegistrationSums { normal, right } = total(&comparison.parts(1));
         let found = normal.lu().solve(&right).unwrap_or(Vector4::from_element(f64::NAN));
         let gain = 1.0 + found[0];
         // g·P(x − s) has the gradient term g·s.
-        let registration = Registration { shift_px: (found[2] / gain, found[3] / gain), gain };
-        OffsetRegistration { registration, offset_levels: found[1] }
+        (Registration { shift_px: (found[2] / gain, found[3] / gain), gain }, found[1])
     }
 
     /// Fits the gain alone, by sums of light; 1 if it differs from 1 by more than `most`.
@@ -194,17 +185,13 @@ impl Registration {
 }
 
 /// Normal equations of y − P on P, 1, −∂P/∂x and −∂P/∂y, in means over cells.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Default)]
 struct RegistrationSums {
     normal: Matrix4<f64>,
     right: Vector4<f64>,
 }
 
 impl RegistrationSums {
-    fn zero() -> RegistrationSums {
-        RegistrationSums { normal: Matrix4::zeros(), right: Vector4::zeros() }
-    }
-
     /// Adds one cell of a comparison.
     fn add_cell(&mut self, comparison: &Comparison<'_>, channel: Channel, cell: Rect) {
         let (predicted, seen) =
@@ -257,7 +244,7 @@ impl Comparison<'_> {
         let span =
             |n: usize, parts: usize, cells: usize| n * cells / parts..(n + 1) * cells / parts;
         let add_part = |n: usize| {
-            let mut sums = RegistrationSums::zero();
+            let mut sums = RegistrationSums::default();
             for row in span(n / PARTS.0, PARTS.1, cells.1) {
                 for column in span(n % PARTS.0, PARTS.0, cells.0) {
                     let (left, top) = (column * cell_px, row * cell_px);
@@ -276,10 +263,10 @@ impl Comparison<'_> {
 }
 
 fn total(parts: &[RegistrationSums]) -> RegistrationSums {
-    parts.iter().fold(RegistrationSums::zero(), |all, part| RegistrationSums {
-        normal: all.normal + part.normal,
-        right: all.right + part.right,
-    })
+    RegistrationSums {
+        normal: parts.iter().map(|part| part.normal).sum(),
+        right: parts.iter().map(|part| part.right).sum(),
+    }
 }
 
 /// Standard errors of shift and gain, from leaving out each part in turn.

@@ -177,12 +177,8 @@ impl Mosaic {
     /// The mosaic of the part of a sensor that starts at column `x`, row `y`.
     pub fn from_place(self, x: usize, y: usize) -> Mosaic {
         let (red_x, red_y) = self.red_at();
-        match ((x + red_x) % 2, (y + red_y) % 2) {
-            (0, 0) => Mosaic::Rggb,
-            (1, 0) => Mosaic::Grbg,
-            (0, _) => Mosaic::Gbrg,
-            _ => Mosaic::Bggr,
-        }
+        let red_at = ((x + red_x) % 2, (y + red_y) % 2);
+        Mosaic::ALL.into_iter().find(|of| of.red_at() == red_at).unwrap_or(self)
     }
 }
 

@@ -10,9 +10,7 @@ use serde::{Deserialize, Serialize};
 use crate::deconvolution::data_term::TRUSTED;
 use crate::deconvolution::forward_convolution::{ForwardConvolution, Seen};
 use crate::deconvolution::lens_model::LensModel;
-use crate::deconvolution::registration::{
-    Comparison, OffsetRegistration, Registration, common_mask,
-};
+use crate::deconvolution::registration::{Comparison, Registration, common_mask};
 use crate::frame::{Channel, Frame, Plane, Rect, Size, Work};
 use crate::light_path::LightPath;
 use crate::remedy::AnyFailure;
@@ -167,11 +165,11 @@ fn fit(predicted: &Frame<Work>, captures: &[Seen; 2], photo: Rect) -> PilotReadi
     PilotReading(Channel::ALL.map(|c| {
         let channels = &[c];
         let comparison = Comparison { seen: &mean, predicted, mask: &mask, area: photo, channels };
-        let OffsetRegistration { registration, offset_levels } =
+        let (Registration { shift_px, gain }, offset_levels) =
             Registration::fit_with_offset(&comparison);
-        let (shift_x_px, shift_y_px) = registration.shift_px;
+        let (shift_x_px, shift_y_px) = shift_px;
         let noise_levels = capture_noise(captures, mask.plane(c), c, photo);
-        PilotFit { gain: registration.gain, offset_levels, shift_x_px, shift_y_px, noise_levels }
+        PilotFit { gain, offset_levels, shift_x_px, shift_y_px, noise_levels }
     }))
 }
 

@@ -126,30 +126,20 @@ fn halve_by_max(plane: &Plane) -> Plane {
     })
 }
 
-/// Sums over blocks.
-struct BlockSums {
-    /// Number of valid pixels.
-    count: Plane,
-    /// Their sum.
-    sum: Plane,
-}
-
-impl BlockSums {
-    /// The sums of `plane` over the pixels that are trusted, or over all without `trust`.
-    fn of(plane: &Plane, trust: Option<&Plane<u8>>) -> BlockSums {
-        let blocks = blocks(plane.size());
-        let [mut count, mut sum]: [Plane; 2] = [(); 2].map(|()| Plane::zeros(blocks));
-        for y in 0..plane.height() {
-            let (counts, sums) = (count.row_mut(y / BLOCK_PX), sum.row_mut(y / BLOCK_PX));
-            for (x, value) in plane.row(y).iter().enumerate() {
-                if trust.is_none_or(|trust| trust.at(x, y) == TRUSTED) {
-                    counts[x / BLOCK_PX] += 1.0;
-                    sums[x / BLOCK_PX] += value;
-                }
-            }
+/// Sums over blocks of the `values` at each pixel of a plane of `size`; `None` does not count.
+fn block_sums<const N: usize>(
+    size: Size,
+    values: impl Fn(usize, usize) -> Option<[f32; N]>,
+) -> [Plane; N] {
+    let mut sums = [(); N].map(|()| Plane::zeros(blocks(size)));
+    for y in 0..size.height {
+        let mut rows = sums.each_mut().map(|plane| plane.row_mut(y / BLOCK_PX));
+        for x in 0..size.width {
+            let Some(values) = values(x, y) else { continue };
+            rows.iter_mut().zip(values).for_each(|(row, value)| row[x / BLOCK_PX] += value);
         }
-        BlockSums { count, sum }
     }
+    sums
 }
 
 /// Noise σ in the surroundings of each block over that at the mean light.
@@ -158,8 +148,8 @@ fn noise_ratios(plane: &NoisyPlane<'_>) -> Plane {
     if plane.dark_light.is_infinite() {
         return Plane::filled(blocks, 1.0);
     }
-    let BlockSums { count, sum } = BlockSums::of(plane.light, None);
-    let [light, count] = [sum, count].map(|plane| surroundings(&plane));
+    let sums = block_sums(plane.light.size(), |x, y| Some([plane.light.at(x, y), 1.0]));
+    let [light, count] = sums.map(|plane| surroundings(&plane));
     let power = |light: f32| (light.max(0.0) + plane.dark_light).max(f32::MIN_POSITIVE);
     let at_mean = power(plane.light.mean() as f32);
     Plane::from_fn(blocks, |x, y| {
@@ -180,48 +170,25 @@ struct Activity {
     cells: Plane,
 }
 
-/// Sums over blocks of valid pixels.
-struct BlockMoments {
-    count: Plane,
-    /// Of values less the plane's mean.
-    sum: Plane,
-    square: Plane,
-    /// Of squared finest details, normalised to the noise variance.
-    finest: Plane,
-}
-
-impl BlockMoments {
-    /// The moments of `plane` with finest details of pixels `apart` from each other.
-    fn of(plane: &NoisyPlane<'_>, apart: usize) -> BlockMoments {
-        let NoisyPlane { light: photo, trust, .. } = *plane;
-        let (size, width) = (photo.size(), photo.width());
-        let mean = photo.mean() as f32;
-        let zeros = || Plane::zeros(blocks(size));
-        let mut moments =
-            BlockMoments { count: zeros(), sum: zeros(), square: zeros(), finest: zeros() };
-        for y in 0..size.height {
-            let near = |y: usize| photo.row(y.min(size.height - 1));
-            let (above, here, below) =
-                (near(y.saturating_sub(apart)), photo.row(y), near(y + apart));
-            let trusted = trust.row(y);
-            let BlockMoments { count, sum, square, finest } = &mut moments;
-            let [count, sum, square, finest] =
-                [count, sum, square, finest].map(|plane| plane.row_mut(y / BLOCK_PX));
-            for x in (0..width).filter(|&x| trusted[x] == TRUSTED) {
-                let (left, right) = (x.saturating_sub(apart), (x + apart).min(width - 1));
-                let fine = above[left] + above[right] + below[left] + below[right]
-                    - 2.0 * (above[x] + below[x] + here[left] + here[right])
-                    + 4.0 * here[x];
-                let value = here[x] - mean;
-                let block = x / BLOCK_PX;
-                count[block] += 1.0;
-                sum[block] += value;
-                square[block] += value * value;
-                finest[block] += fine * fine / 36.0;
-            }
+/// Sums over the blocks of valid pixels of `plane`: their number, the values less the plane's mean,
+/// the squares of these, and the squares of the finest details between pixels `apart` from each
+/// other, normalised to the noise variance.
+fn block_moments(plane: &NoisyPlane<'_>, apart: usize) -> [Plane; 4] {
+    let NoisyPlane { light: photo, trust, .. } = *plane;
+    let (size, mean) = (photo.size(), photo.mean() as f32);
+    block_sums(size, |x, y| {
+        if trust.at(x, y) != TRUSTED {
+            return None;
         }
-        moments
-    }
+        let (left, right) = (x.saturating_sub(apart), (x + apart).min(size.width - 1));
+        let (above, below) = (y.saturating_sub(apart), (y + apart).min(size.height - 1));
+        let [above, here, below] = [above, y, below].map(|y| photo.row(y));
+        let fine = above[left] + above[right] + below[left] + below[right]
+            - 2.0 * (above[x] + below[x] + here[left] + here[right])
+            + 4.0 * here[x];
+        let value = here[x] - mean;
+        Some([1.0, value, value * value, fine * fine / 36.0])
+    })
 }
 
 /// The activity of a plane with local noise `ratios`. In a `raw` plane the finest details are
@@ -232,7 +199,7 @@ fn activity(plane: &NoisyPlane<'_>, ratios: &Plane, raw: bool) -> Activity {
     let (apart, most) =
         if raw { (2, MOST_POWER * noise.max(NOISE_MIN).powi(2)) } else { (1, f32::INFINITY) };
     let blocks = blocks(plane.light.size());
-    let BlockMoments { count, sum, square, finest } = BlockMoments::of(plane, apart);
+    let [count, sum, square, finest] = block_moments(plane, apart);
     let cells = cell_variances(&count, &sum);
     let [count, sum, square, finest] =
         [count, sum, square, finest].map(|plane| surroundings(&plane));
@@ -312,22 +279,17 @@ const MOST_POWER: f32 = 2.0;
 /// Sums over the surroundings, squares of 2·[`REACH`] + 1 blocks.
 fn surroundings(plane: &Plane) -> Plane {
     let size = plane.size();
-    let along = |length: usize, at: &dyn Fn(usize) -> f32, out: &mut dyn FnMut(usize, f32)| {
-        let mut sum: f64 = (0..REACH.min(length)).map(|i| f64::from(at(i))).sum();
-        for i in 0..length {
-            if i + REACH < length {
-                sum += f64::from(at(i + REACH));
-            }
-            if i > REACH {
-                sum -= f64::from(at(i - REACH - 1));
-            }
-            out(i, sum as f32);
-        }
-    };
     let mut rows = Plane::zeros(size);
     for y in 0..size.height {
-        let (from, to) = (plane.row(y), rows.row_mut(y));
-        along(size.width, &|x| from[x], &mut |x, sum| to[x] = sum);
+        let from = plane.row(y);
+        let mut sum: f64 = from.iter().take(REACH).map(|&v| f64::from(v)).sum();
+        for (x, to) in rows.row_mut(y).iter_mut().enumerate() {
+            sum += from.get(x + REACH).map_or(0.0, |&v| f64::from(v));
+            if x > REACH {
+                sum -= f64::from(from[x - REACH - 1]);
+            }
+            *to = sum as f32;
+        }
     }
     let mut sums = Plane::zeros(size);
     let mut running = vec![0.0f64; size.width];

@@ -7,8 +7,8 @@
 //! and residuals larger than a faint texture's mean that the lens model is wrong: both are
 //! excluded.
 
-use super::{BlockSums, DetailMask, NoisyPlane, cell_variances, halve_by_max, noise_ratios};
-use crate::deconvolution::data_term::NOISE_MIN;
+use super::{DetailMask, NoisyPlane, block_sums, cell_variances, halve_by_max, noise_ratios};
+use crate::deconvolution::data_term::{NOISE_MIN, TRUSTED};
 use crate::frame::Plane;
 
 // All six were set together on ten scenes through two lenses (`tests/tables/README.md`).
@@ -43,7 +43,9 @@ impl DetailMask {
     ) -> DetailMask {
         let mut structure: Plane = Plane::zeros(self.activity.size());
         for (plane, residual) in planes.iter().zip(residuals) {
-            let BlockSums { count, sum } = BlockSums::of(residual, Some(plane.trust));
+            let valid = |x: usize, y: usize| plane.trust.at(x, y) == TRUSTED;
+            let [count, sum] =
+                block_sums(residual.size(), |x, y| valid(x, y).then(|| [1.0, residual.at(x, y)]));
             let (cells, ratios) = (cell_variances(&count, &sum), noise_ratios(plane));
             let of_cells = structure.data_mut().iter_mut().zip(cells.data()).zip(ratios.data());
             for ((most, cell), ratio) in of_cells {

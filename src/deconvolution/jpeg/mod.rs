@@ -157,10 +157,9 @@ impl JpegTerm {
             return;
         }
         let width = photo.size().width;
-        let [red, green, blue] = picture.planes_mut();
-        let rows = red.data_mut().par_chunks_mut(width).zip(green.data_mut().par_chunks_mut(width));
-        let rows = rows.zip(blue.data_mut().par_chunks_mut(width)).enumerate();
-        rows.for_each(|(y, ((red, green), blue))| {
+        let [red, green, blue] =
+            picture.planes_mut().each_mut().map(|plane| plane.data_mut().par_chunks_mut(width));
+        (red, green, blue).into_par_iter().enumerate().for_each(|(y, (red, green, blue))| {
             let photo = Channel::ALL.map(|c| photo.plane(c).row(y));
             for x in 0..width {
                 let codes = |light: [f32; 3]| {
