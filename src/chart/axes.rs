@@ -78,9 +78,7 @@ impl Axes {
         }
         sheet.line(&[[left, top], [left, bottom], [right, bottom]], Stroke::new(INK, 1.0));
     }
-}
 
-impl Axes {
     /// Numbers on the measure's axis, and their decimals.
     fn ticks(&self) -> (Vec<f64>, usize) {
         let [from, to] = self.values;

@@ -74,13 +74,9 @@ pub(super) fn name(words: &[&str]) -> String {
 pub fn contestants(rig: &RigFile) -> Vec<Contestant> {
     let filed = Setting::as_filed(rig, rig.restore.method);
     let mut settings = vec![filed];
-    for setting in settings_tried(&filed) {
-        if !settings.contains(&setting) {
-            settings.push(setting);
-        }
-    }
-    let mut all: Vec<Contestant> =
-        settings.iter().map(|setting| Contestant::of_setting(rig, setting)).collect();
+    settings.extend(settings_tried(&filed));
+    let of_setting = |setting: &Setting| Contestant::of_setting(rig, setting);
+    let mut all: Vec<Contestant> = distinct(settings).iter().map(of_setting).collect();
     let printed = paper(rig);
     for iterations in [3, printed.iterations] {
         let setting = counted(iterations as usize, "iteration");
@@ -88,6 +84,12 @@ pub fn contestants(rig: &RigFile) -> Vec<Contestant> {
     }
     all.extend(usual());
     all
+}
+
+/// The `settings` without repetitions, in order.
+pub(super) fn distinct(settings: Vec<Setting>) -> Vec<Setting> {
+    let is_first = |n: &usize| !settings[..*n].contains(&settings[*n]);
+    (0..settings.len()).filter(is_first).map(|n| settings[n]).collect()
 }
 
 /// Settings of the box's methods.

@@ -1,6 +1,6 @@
 //! The operating point of a rig: a setting chosen by scenes shown on that rig.
 
-use super::contestants::Contestant;
+use super::contestants::{Contestant, distinct};
 use super::scenes::Scene;
 use super::test_rig::{Score, TestRig, TestRigError};
 use super::trade::{BALANCED, BEST, FAST, Measure, Trade};
@@ -34,13 +34,7 @@ fn candidates(rig: &RigFile, wanted: OperatingPoint) -> Vec<Setting> {
     if wanted == OperatingPoint::Best {
         all.push(Setting { rounds: matched.rounds.max(MANY_ROUNDS), ..matched });
     }
-    let mut distinct = Vec::with_capacity(all.len());
-    for setting in all {
-        if !distinct.contains(&setting) {
-            distinct.push(setting);
-        }
-    }
-    distinct
+    distinct(all)
 }
 
 /// Number of restorations that [`choose`] makes.

@@ -45,22 +45,20 @@ impl Scene {
 
     /// Name of its file, also of a drawing's.
     pub const fn file_name(self) -> &'static str {
-        match self {
-            Scene::Astronaut => "astronaut.png",
-            Scene::Coffee => "coffee.png",
-            Scene::Rocket => "rocket.jpg",
-            Scene::Chart => "chart.png",
-            Scene::Page => "page.png",
-            Scene::Leaves => "leaves.png",
-        }
+        self.file().0
     }
 
-    fn file(self) -> Option<&'static [u8]> {
+    /// Name and bytes of its file; a drawing has a name alone.
+    const fn file(self) -> (&'static str, Option<&'static [u8]>) {
         match self {
-            Scene::Astronaut => Some(include_bytes!("../../tests/scenes/astronaut.png")),
-            Scene::Coffee => Some(include_bytes!("../../tests/scenes/coffee.png")),
-            Scene::Rocket => Some(include_bytes!("../../tests/scenes/rocket.jpg")),
-            Scene::Chart | Scene::Page | Scene::Leaves => None,
+            Scene::Astronaut => {
+                ("astronaut.png", Some(include_bytes!("../../tests/scenes/astronaut.png")))
+            }
+            Scene::Coffee => ("coffee.png", Some(include_bytes!("../../tests/scenes/coffee.png"))),
+            Scene::Rocket => ("rocket.jpg", Some(include_bytes!("../../tests/scenes/rocket.jpg"))),
+            Scene::Chart => ("chart.png", None),
+            Scene::Page => ("page.png", None),
+            Scene::Leaves => ("leaves.png", None),
         }
     }
 
@@ -76,7 +74,7 @@ impl Scene {
 
     /// Code values 0..255 in colour, cut to the shape of `size` about the centre and resized.
     pub fn codes(self, size: Size) -> Frame<Work> {
-        let Some(file) = self.file() else { return self.drawn(size) };
+        let (_, Some(file)) = self.file() else { return self.drawn(size) };
         let planes = picture::embedded(file);
         Frame::from_planes(
             planes.map(|plane| resize(&plane.crop(centred(plane.size(), size)), size)),
@@ -85,7 +83,7 @@ impl Scene {
 
     /// Linear light 0..255 in colour, cut to the shape of `size` and resized as light.
     pub fn light(self, size: Size) -> Frame<Work> {
-        let Some(file) = self.file() else { return self.codes(size) };
+        let (_, Some(file)) = self.file() else { return self.codes(size) };
         let tone = Tone::of_curve(Curve::Srgb, 8);
         let codes = Frame::<Work>::from_planes(picture::embedded(file));
         cut(&Frame::from_fn(|c| tone.plane(c, &codes.plane(c).map(|code: f32| code as u8))), size)
@@ -93,12 +91,11 @@ impl Scene {
 
     /// Grey code values 0..255 (Rec. 709 weights), resized bilinearly as in the study.
     pub fn grey(self, size: Size) -> Plane {
-        let planes = match self.file() {
-            Some(file) => {
-                picture::embedded(file).map(|p| bilinear(&p.crop(centred(p.size(), size)), size))
-            }
-            None => return self.drawn(size).plane(Channel::Green).clone(),
+        let (_, Some(file)) = self.file() else {
+            return self.drawn(size).plane(Channel::Green).clone();
         };
+        let planes = picture::embedded(file);
+        let planes = planes.map(|p| bilinear(&p.crop(centred(p.size(), size)), size));
         let mut grey = Plane::zeros(size);
         for (plane, weight) in planes.iter().zip([0.2125, 0.7154, 0.0721]) {
             grey.add_scaled(weight, plane);

@@ -17,6 +17,20 @@ impl Table {
         Table { caption: caption.into(), head: head.to_vec(), rows: Vec::new() }
     }
 
+    /// The table of `rows` of heads and cells, which all have the same heads.
+    pub(super) fn of_rows(
+        caption: String,
+        rows: impl Iterator<Item = Vec<(&'static str, String)>>,
+    ) -> Self {
+        let mut table = Table::new(caption, &[]);
+        for row in rows {
+            let (head, cells) = row.into_iter().unzip();
+            table.head = head;
+            table.row(cells);
+        }
+        table
+    }
+
     /// Adds a row.
     pub fn row(&mut self, cells: Vec<String>) {
         self.rows.push(cells);
@@ -46,14 +60,10 @@ impl Table {
                 cell.to_owned()
             }
         };
-        let mut lines =
-            vec![self.head.iter().map(|cell| quoted(cell)).collect::<Vec<_>>().join(",")];
-        lines.extend(
-            self.rows
-                .iter()
-                .map(|row| row.iter().map(|cell| quoted(cell)).collect::<Vec<_>>().join(",")),
-        );
-        lines.join("\n") + "\n"
+        let head = self.head.iter().map(|cell| quoted(cell)).collect::<Vec<_>>();
+        let rows = self.rows.iter().map(|row| row.iter().map(|cell| quoted(cell)).collect());
+        let lines = std::iter::once(head).chain(rows);
+        lines.map(|cells: Vec<String>| cells.join(",") + "\n").collect()
     }
 }
 

@@ -28,16 +28,9 @@ pub struct TestRig {
     stopwatch: fn() -> f64,
     config: RigFile,
     rig: Devices,
-    photos: Photos,
+    /// The simulated camera, with the scene before it; without one, scenes are shown on the panel.
+    witness: Option<Arc<Witness>>,
     pipeline: Pipeline,
-}
-
-/// Source of the photos.
-enum Photos {
-    /// The simulated camera, with the scene before it.
-    Witnessed(Arc<Witness>),
-    /// The rig's camera, with the scene on the panel.
-    Shown,
 }
 
 /// A photo of a known scene.
@@ -136,7 +129,7 @@ impl TestRig {
         stopwatch: fn() -> f64,
     ) -> Result<TestRig, TestRigError> {
         let pipeline = Pipeline::new(&config, calibration)?.timed_by(Arc::new(stopwatch));
-        Ok(TestRig { stopwatch, config, rig, photos: Photos::Shown, pipeline })
+        Ok(TestRig { stopwatch, config, rig, witness: None, pipeline })
     }
 
     /// The same with photos by the simulated camera of `witness`. Those of a binned camera, which
@@ -144,7 +137,7 @@ impl TestRig {
     #[must_use]
     pub fn witnessed(self, witness: Arc<Witness>) -> TestRig {
         match self.config.camera.binning {
-            1 => TestRig { photos: Photos::Witnessed(witness), ..self },
+            1 => TestRig { witness: Some(witness), ..self },
             _ => self,
         }
     }
@@ -190,9 +183,9 @@ impl TestRig {
     /// Light of `scene` with the photo's dark corners: the ideal result.
     pub fn truth(&self, scene: Scene) -> Frame<Work> {
         let light = self.light(scene);
-        match &self.photos {
-            Photos::Witnessed(witness) => witness.shaded(&light),
-            Photos::Shown => light,
+        match &self.witness {
+            Some(witness) => witness.shaded(&light),
+            None => light,
         }
     }
 
@@ -203,7 +196,7 @@ impl TestRig {
     pub fn photograph(&mut self, scene: Scene, take: u64) -> Result<TestPhoto, TestRigError> {
         let curve = self.config.photo.curve;
         let light = self.light(scene);
-        if let Photos::Witnessed(witness) = &self.photos {
+        if let Some(witness) = &self.witness {
             let seed = PHOTO_SEED + scene as u64 + SEED_STEP * take;
             return Ok(TestPhoto::taken(witness, curve, &light, seed));
         }

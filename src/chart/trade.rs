@@ -210,88 +210,64 @@ impl Trade {
 
     /// The points as a table, of photos of `megapixels`.
     pub fn table(&self, caption: String, megapixels: f64) -> Table {
-        let head = [
-            "method",
-            "setting",
-            "captures",
-            "capture s",
-            "processor s",
-            "s a megapixel",
-            "SSIM",
-            "PSNR dB",
-            "ΔE at edges",
-            "gain SSIM",
-            "gain dB",
-            "gain ΔE",
-            "share",
-        ];
-        let mut table = Table::new(caption, &head);
-        for point in &self.points {
+        let edges = Measure::EdgeDifference;
+        let row = |point: &Point| {
             let gain = |measure| Some(point.result(measure)? - self.photo(measure)?);
             let harm = match gain(Measure::Ssim) {
                 Some(..0.0) => " (below the photo)",
                 _ => "",
             };
+            let filed = if point.is_filed { "as filed" } else { "" };
             let or_dash = |cell: Option<String>| cell.unwrap_or("–".to_owned());
-            let edges = Measure::EdgeDifference;
-            table.row(vec![
-                point.family.clone(),
-                name(&[&point.line, &point.setting, if point.is_filed { "as filed" } else { "" }]),
-                format!("{:.1}", point.mean(|s| s.captures as f64)),
-                format!("{:.2}", point.mean(|s| s.capture_seconds)),
-                format!("{:.2}", point.computing_seconds()),
-                format!("{:.2}", point.seconds() / megapixels),
-                format!("{:.4}", point.ssim()),
-                format!("{:.2}", point.psnr_db()),
-                or_dash(point.result(edges).map(|worth| format!("{:.2}", -worth))),
-                or_dash(gain(Measure::Ssim).map(|gain| format!("{gain:+.4}{harm}"))),
-                or_dash(gain(Measure::Psnr).map(|gain| format!("{gain:+.2}"))),
-                or_dash(gain(edges).map(|gain| format!("{:+.2}", -gain))),
-                format!("{:.3}", self.share(point)),
-            ]);
-        }
-        table
+            vec![
+                ("method", point.family.clone()),
+                ("setting", name(&[&point.line, &point.setting, filed])),
+                ("captures", format!("{:.1}", point.mean(|s| s.captures as f64))),
+                ("capture s", format!("{:.2}", point.mean(|s| s.capture_seconds))),
+                ("processor s", format!("{:.2}", point.computing_seconds())),
+                ("s a megapixel", format!("{:.2}", point.seconds() / megapixels)),
+                ("SSIM", format!("{:.4}", point.ssim())),
+                ("PSNR dB", format!("{:.2}", point.psnr_db())),
+                ("ΔE at edges", or_dash(point.result(edges).map(|worth| format!("{:.2}", -worth)))),
+                ("gain SSIM", or_dash(gain(Measure::Ssim).map(|by| format!("{by:+.4}{harm}")))),
+                ("gain dB", or_dash(gain(Measure::Psnr).map(|by| format!("{by:+.2}")))),
+                ("gain ΔE", or_dash(gain(edges).map(|by| format!("{:+.2}", -by)))),
+                ("share", format!("{:.3}", self.share(point))),
+            ]
+        };
+        Table::of_rows(caption, self.points.iter().map(row))
     }
 
     /// Every score as a table; as CSV it is all that a chart is drawn from.
     pub fn score_table(&self, caption: String) -> Table {
-        let head = [
-            "method",
-            "line",
-            "setting",
-            "filed",
-            "scene",
-            "take",
-            "captures",
-            "capture s",
-            "processor s",
-            "SSIM",
-            "PSNR dB",
-            "ΔE at edges",
-            "photo SSIM",
-            "photo PSNR dB",
-            "photo ΔE at edges",
-            "certificate",
-        ];
-        let mut table = Table::new(caption, &head);
-        for point in &self.points {
-            for s in &point.scores {
-                let mut cells = vec![point.family.clone(), point.line.clone()];
-                cells.extend([point.setting.clone(), point.is_filed.to_string()]);
-                cells.extend([s.scene.name().to_owned(), s.take.to_string()]);
-                cells.push(s.captures.to_string());
-                cells.extend([s.capture_seconds, s.computing_seconds].map(|v| format!("{v:.3}")));
-                for quality in [&s.result, &s.photo] {
-                    cells.push(format!("{:.5}", quality.ssim));
-                    cells.push(format!("{:.3}", quality.psnr_db));
-                    cells
-                        .push(quality.edge_difference.map_or(String::new(), |d| format!("{d:.3}")));
-                }
-                cells.push(s.certificate.map_or(String::new(), |ratio| format!("{ratio:.2}")));
-                table.row(cells);
-            }
-        }
-        table
+        let scores = self.points.iter().flat_map(|p| p.scores.iter().map(move |s| (p, s)));
+        let row = |(point, s): (&Point, &Score)| {
+            let ssim = |of: &PictureQuality| format!("{:.5}", of.ssim);
+            let psnr = |of: &PictureQuality| format!("{:.3}", of.psnr_db);
+            let edges = |of: &PictureQuality| {
+                of.edge_difference.map_or(String::new(), |difference| format!("{difference:.3}"))
+            };
+            let certificate = s.certificate.map_or(String::new(), |ratio| format!("{ratio:.2}"));
+            vec![
+                ("method", point.family.clone()),
+                ("line", point.line.clone()),
+                ("setting", point.setting.clone()),
+                ("filed", point.is_filed.to_string()),
+                ("scene", s.scene.name().to_owned()),
+                ("take", s.take.to_string()),
+                ("captures", s.captures.to_string()),
+                ("capture s", format!("{:.3}", s.capture_seconds)),
+                ("processor s", format!("{:.3}", s.computing_seconds)),
+                ("SSIM", ssim(&s.result)),
+                ("PSNR dB", psnr(&s.result)),
+                ("ΔE at edges", edges(&s.result)),
+                ("photo SSIM", ssim(&s.photo)),
+                ("photo PSNR dB", psnr(&s.photo)),
+                ("photo ΔE at edges", edges(&s.photo)),
+                ("certificate", certificate),
+            ]
+        };
+        Table::of_rows(caption, scores.map(row))
     }
 }
 
