@@ -41,7 +41,8 @@ pub(super) fn geometry(
         // A spot is white of one channel, whose brightness was checked before.
         let allowed = 0.02 * f64::from(layout.saturated);
         let over = difference(locator.plane(c), black.plane(c));
-        spots[c.index()] = checkerboard::spot(&over, c.name(), allowed).map_err(judge::board)?;
+        spots[c.index()] =
+            checkerboard::spot(&over, c.name(), allowed).map_err(CalibrateError::NotInView)?;
     }
     let near = Affine::through(patterns::locator_spots(layout.panel), spots).ok_or_else(in_line)?;
     let black = black.plane(Channel::Green).clone();
@@ -71,8 +72,9 @@ fn corners(
     let (layout, square_px) = (session.layout, session.config.calibration.checker_square_px);
     let shown = patterns::checkerboard(layout.panel, square_px, Channel::Green);
     let over = difference(session.counts(&shown)?.plane(Channel::Green), black);
-    let corners =
-        checkerboard::corners(&over, layout.panel, square_px, near).map_err(judge::board)?;
+    let corners = checkerboard::corners(&over, layout.panel, square_px, near).map_err(|found| {
+        CalibrateError::WrongFocus(found, "blur narrower than half a square".to_owned())
+    })?;
     let expected = checkerboard::in_view(layout.sensor, layout.panel, square_px, near);
     judge::corners(corners.len(), expected)?;
     Ok(corners)

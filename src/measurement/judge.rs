@@ -2,7 +2,6 @@
 
 use super::error::{CONTRAST_MIN, CalibrateError, RESIDUAL_MAX, SATURATED_MAX};
 use super::linearity::{BENT_MAX, Linearity};
-use crate::calibration::checkerboard::CheckerboardError;
 use crate::calibration::geometric::{Geometry, Pair};
 use crate::frame::{Channel, Counts, Plane, Size};
 
@@ -90,17 +89,6 @@ fn cells(plane: &Plane<u16>, rows: &[usize], value: impl Fn(usize, u16) -> f64) 
         }
     }
     sums.into_iter().map(|(sum, count)| sum / f64::max(count, 1.0)).collect()
-}
-
-/// The calibration error for a checkerboard that was not found.
-pub(super) fn board(error: CheckerboardError) -> CalibrateError {
-    match error {
-        CheckerboardError::NoSpots(found) => CalibrateError::NotInView(found),
-        CheckerboardError::NoCorners(_) => {
-            let allowed = "blur narrower than half a square".to_owned();
-            CalibrateError::WrongFocus(error.to_string(), allowed)
-        }
-    }
 }
 
 /// Checks the focus by the number of corners found: contrast without corners means blur.
