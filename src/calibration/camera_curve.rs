@@ -10,6 +10,8 @@
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 
+use crate::frame::at_step;
+
 /// Segments of the piecewise linear function; a knee within one is known to a thousandth of full
 /// scale.
 const STEPS: usize = 32;
@@ -85,10 +87,7 @@ impl CameraCurve {
         if self.straight.is_empty() {
             return over;
         }
-        let place = over / self.full * STEPS as f32;
-        let step = (place.max(0.0) as usize).min(STEPS - 1);
-        let (below, above) = (self.straight[step], self.straight[step + 1]);
-        below + (above - below) * (place - step as f32)
+        at_step(&self.straight, over / self.full * STEPS as f32)
     }
 
     /// The inverse of [`CameraCurve::over_black`].

@@ -248,37 +248,32 @@ impl Correction {
         Rect { x, y, size: Size::new(right - x, bottom - y) }
     }
 
-    /// The light of the panel pixels in `part`, which show the canvas `padded` in `channel`.
-    fn panel_light(&self, channel: Channel, padded: &Plane, part: Rect) -> Plane {
-        let map = &self.geometry.panel_to_work;
+    /// The light of the panel pixels in `part`, which show the canvas `picture` in `channel`.
+    fn light_of(&self, channel: Channel, picture: &Plane, part: Rect) -> Plane {
+        let (map, padded) = (&self.geometry.panel_to_work, padded(picture));
         let left = part.x as f64 + self.layout.subpixels.offset_px(channel);
         let offset = (self.layout.margin_px + PAD_PX) as f32;
         // Limits that keep all sixteen taps in the padded plane, so that border pixels repeat.
-        let limit = |side: usize| (side - PAD_PX) as f32 - 0.5;
-        let (x_max, y_max) = (limit(padded.width()), limit(padded.height()));
         let least = PAD_PX as f32 - 1.5;
-        let (mut map_x, mut map_y) = (Plane::zeros(part.size), Plane::zeros(part.size));
-        for y in 0..part.size.height {
-            let panel_y = (part.y + y) as f64;
-            map.x.row(panel_y, left, 1.0, map_x.row_mut(y));
-            map.y.row(panel_y, left, 1.0, map_y.row_mut(y));
-        }
-        map_x.data_mut().iter_mut().for_each(|v| *v = (*v + offset).max(least).min(x_max));
-        map_y.data_mut().iter_mut().for_each(|v| *v = (*v + offset).max(least).min(y_max));
-        let mut light = Plane::zeros(part.size);
-        warp(padded, &map_x, &map_y, &mut light);
-        light
-    }
-
-    /// The light of the panel pixels in `part`, which show the canvas `picture` in `channel`.
-    fn light_of(&self, channel: Channel, picture: &Plane, part: Rect) -> Plane {
-        let padded = padded(picture);
+        let most = |side: usize| (side - PAD_PX) as f32 - 0.5;
         let mut panel = Plane::zeros(part.size);
         let bands = panel.data_mut().par_chunks_mut(BAND_ROWS * part.size.width).enumerate();
         bands.for_each(|(band, rows)| {
             let size = Size::new(part.size.width, rows.len() / part.size.width);
-            let part = Rect { x: part.x, y: part.y + band * BAND_ROWS, size };
-            rows.copy_from_slice(self.panel_light(channel, &padded, part).data());
+            let [mut map_x, mut map_y, mut light] = [(); 3].map(|()| Plane::zeros(size));
+            for (along, most, places) in [
+                (&map.x, most(padded.width()), &mut map_x),
+                (&map.y, most(padded.height()), &mut map_y),
+            ] {
+                for y in 0..size.height {
+                    let panel_y = (part.y + band * BAND_ROWS + y) as f64;
+                    along.row(panel_y, left, 1.0, places.row_mut(y));
+                }
+                let placed = |v: &mut f32| *v = (*v + offset).max(least).min(most);
+                places.data_mut().iter_mut().for_each(placed);
+            }
+            warp(&padded, &map_x, &map_y, &mut light);
+            rows.copy_from_slice(light.data());
         });
         panel
     }

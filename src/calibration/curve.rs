@@ -2,6 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::frame::{at_step, step_of};
+
 /// Why a table is not a response curve.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[error("{0}")]
@@ -68,15 +70,7 @@ impl ResponseCurve {
     /// The fractional code (0.0..=255.0) of `light`, clamped to the ends: the exact inverse of
     /// linear interpolation.
     pub fn code(&self, light: f32) -> f32 {
-        let above = self.light.partition_point(|&l| l <= light);
-        if above == 0 {
-            return 0.0;
-        }
-        if above == self.light.len() {
-            return (self.light.len() - 1) as f32;
-        }
-        let (low, high) = (self.light[above - 1], self.light[above]);
-        (above - 1) as f32 + (light - low) / (high - low)
+        step_of(&self.light, light)
     }
 }
 
@@ -110,9 +104,7 @@ impl Inverse {
         for value in values {
             // `max` comes first: it turns NaN into zero.
             let place = (value.max(0.0) * per_light).min(1.0).sqrt() * STEPS as f32;
-            let step = (place as usize).min(STEPS - 1);
-            let (below, above) = (self.codes[step], self.codes[step + 1]);
-            *value = below + (above - below) * (place - step as f32);
+            *value = at_step(&self.codes, place);
         }
     }
 }

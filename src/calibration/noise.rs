@@ -43,8 +43,8 @@ pub fn fit(first: &Plane, second: &Plane, trusted: &Plane<u8>, flat: &[Rect]) ->
     let mut bins = [(0.0f64, 0.0f64, 0.0f64); BINS];
     for place in flat {
         let mut pairs = Vec::with_capacity(place.size.area());
-        for y in (place.y..place.y + place.size.height).filter(|&y| y < first.height()) {
-            for x in (place.x..place.x + place.size.width).filter(|&x| x < first.width()) {
+        for y in place.rows().filter(|&y| y < first.height()) {
+            for x in place.columns().filter(|&x| x < first.width()) {
                 let (a, b) = (f64::from(first.at(x, y)), f64::from(second.at(x, y)));
                 if trusted.at(x, y) != 0 && (-32.0..288.0).contains(&((a + b) / 2.0)) {
                     pairs.push(((a + b) / 2.0, a - b));

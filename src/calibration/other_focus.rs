@@ -30,21 +30,18 @@ pub struct OtherFocus {
 
 /// Why a focus cannot be added.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[allow(missing_docs)] // The sentences describe them.
 pub enum FocusError {
-    /// The offset is out of range.
     #[error(
         "found a focus offset of {0}, allowed {SAME_OFFSET} to {OFFSET_MAX} dioptres nearer \
          or farther (negative)"
     )]
     Offset(f32),
-    /// Too many focuses are stored.
     #[error(
         "{FOCUSES_MAX} other focuses are stored already; `relens calibrate --forget-focuses` \
          deletes them"
     )]
     TooMany,
-    /// The functions are on another grid: number and width of the functions, and of those in the
-    /// panel's focus.
     #[error(
         "the lens was measured with {} functions of {} px; allowed {} of {} px, as in the panel's \
          focus",

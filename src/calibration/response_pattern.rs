@@ -65,10 +65,7 @@ impl ResponsePattern {
     /// The share of bad sites if above [`BAD_SHARE_MAX`].
     pub fn fit(seen: &EvenlyLit<'_>) -> Result<ResponsePattern, f64> {
         let size = seen.ratio.size();
-        let mut planes: Vec<Vec<i8>> = match seen.mosaic {
-            Some(_) => vec![vec![BAD; size.area()]],
-            None => vec![vec![BAD; size.area()]; 3],
-        };
+        let mut planes = vec![vec![BAD; size.area()]; if seen.mosaic.is_some() { 1 } else { 3 }];
         let (mut bad, mut all) = (0usize, 0usize);
         for c in Channel::ALL {
             let own = |x: usize, y: usize| seen.mosaic.is_none_or(|m| m.colour_at(x, y) == c);

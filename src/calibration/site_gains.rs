@@ -94,27 +94,19 @@ impl SiteGains {
         at: impl Fn(usize, usize) -> f32 + Sync,
     ) -> Plane {
         let mut plane = Plane::zeros(place.size);
-        let width = place.size.width.max(1);
-        let bad: Vec<(usize, usize)> = plane
-            .data_mut()
-            .par_chunks_mut(width)
-            .enumerate()
-            .flat_map_iter(|(y, row)| {
-                let steps = &steps.row(place.y + y)[place.x..][..row.len()];
-                let mut bad = Vec::new();
-                for (x, (value, &steps)) in row.iter_mut().zip(steps).enumerate() {
-                    *value = at(x, y) * self.gains[usize::from(steps as u8)];
-                    if steps == BAD {
-                        bad.push((x, y));
-                    }
-                }
-                bad
-            })
-            .collect();
+        let Size { width, height } = place.size;
+        let rows = plane.data_mut().par_chunks_mut(width.max(1)).enumerate();
+        rows.for_each(|(y, row)| {
+            let steps = &steps.row(place.y + y)[place.x..][..width];
+            for (x, (value, &steps)) in row.iter_mut().zip(steps).enumerate() {
+                *value = at(x, y) * self.gains[usize::from(steps as u8)];
+            }
+        });
+        let is_bad = |&(x, y): &(usize, usize)| steps.at(place.x + x, place.y + y) == BAD;
+        let sites = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
+        let bad: Vec<(usize, usize)> = sites.filter(is_bad).collect();
         let patches: Vec<f32> = bad.iter().map(|&(x, y)| patch(&plane, x, y, apart)).collect();
-        for ((x, y), patch) in bad.into_iter().zip(patches) {
-            plane.set(x, y, patch);
-        }
+        bad.into_iter().zip(patches).for_each(|((x, y), patch)| plane.set(x, y, patch));
         plane
     }
 }

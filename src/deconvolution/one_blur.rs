@@ -18,7 +18,7 @@ use super::focus::standard_errors;
 use super::lens_model::{Density, LensModel};
 use super::observation::Observation;
 use super::smoothing::blur;
-use crate::frame::{Channel, Channels, Plane, Rect, Size};
+use crate::frame::{Channel, Channels, Plane, Rect};
 
 /// ε. Guess: frequencies of which the lens passes less than a tenth stay as they are.
 const EPSILON: f32 = 0.01;
@@ -58,9 +58,8 @@ pub fn errors_for_one_blur(model: &LensModel, photo: &Observation) -> Option<f64
     let trust = [Channel::Green, Channel::Blue].map(|c| photo.trust.plane(c));
     let gain = |tile: Rect| {
         let (mut powers, mut difference, mut details, mut count) = ([0.0f32; 2], 0.0, 0.0, 0);
-        for y in tile.y..tile.y + tile.size.height {
-            let columns = tile.x..tile.x + tile.size.width;
-            for x in columns.filter(|&x| trust.iter().all(|of| of.at(x, y) == TRUSTED)) {
+        for y in tile.rows() {
+            for x in tile.columns().filter(|&x| trust.iter().all(|of| of.at(x, y) == TRUSTED)) {
                 powers[0] += lens.at(x, y).powi(2);
                 powers[1] += one_blur.at(x, y).powi(2);
                 difference += (lens.at(x, y) - one_blur.at(x, y)).powi(2);
@@ -76,20 +75,8 @@ pub fn errors_for_one_blur(model: &LensModel, photo: &Observation) -> Option<f64
         let shows = difference > noise && is_along_line;
         shows.then(|| f64::from((powers[0] - powers[1]) / all))
     };
-    let gains: Vec<f64> = tiles(photo.rect).filter_map(gain).collect();
+    let gains: Vec<f64> = photo.rect.parts(TILES.0, TILES.1).filter_map(gain).collect();
     (gains.len() >= TILES_MIN).then(|| standard_errors(&gains))
-}
-
-/// The tiles of a photo at `rect`.
-fn tiles(rect: Rect) -> impl Iterator<Item = Rect> {
-    let (columns, rows) = TILES;
-    let part = |n: usize, of: usize, length: usize| n * length / of..(n + 1) * length / of;
-    (0..columns * rows).map(move |n| {
-        let across = part(n % columns, columns, rect.size.width);
-        let down = part(n / columns, rows, rect.size.height);
-        let size = Size::new(across.len(), down.len());
-        Rect { x: rect.x + across.start, y: rect.y + down.start, size }
-    })
 }
 
 /// `green` with the blur of blue in place of its own.

@@ -9,7 +9,6 @@
 //! photo, since the lens varies over its field, and for each capture, since the panel wanders.
 
 use std::f32::consts::TAU;
-use std::ops::Range;
 
 use rayon::prelude::*;
 
@@ -95,13 +94,12 @@ impl PanelBeat {
     /// Estimates the beat of `seen`; `None` where it is not significant.
     pub fn estimate(seen: &SeenChannel<'_>) -> Option<PanelBeat> {
         let parts = BeatParts::of(seen)?;
-        let of_part = |n: usize| {
-            let [columns, rows] = parts.part(n);
+        let of_part = |part: &Rect| {
             let mut sums: WaveSums = [0.0; 7];
-            for y in rows {
+            for y in part.rows() {
                 let light = seen.light.row(y);
                 let predicted = seen.predicted.row(y);
-                for x in columns.clone().filter(|&x| (seen.valid)(x, y)) {
+                for x in part.columns().filter(|&x| (seen.valid)(x, y)) {
                     let [c, s] = seen.wave.at(x, y).map(|v| f64::from(v * predicted[x]));
                     let r = f64::from(light[x] - predicted[x]);
                     let terms = [c * c, c * s, s * s, r * c, r * s, r * r, 1.0];
@@ -110,8 +108,8 @@ impl PanelBeat {
             }
             sums
         };
-        let sums: Vec<WaveSums> =
-            (0..parts.columns * parts.rows).into_par_iter().map(of_part).collect();
+        let all: Vec<Rect> = parts.photo.parts(parts.columns, parts.rows).collect();
+        let sums: Vec<WaveSums> = all.par_iter().map(of_part).collect();
         let shares: Vec<[f64; 2]> = sums.iter().map(solve).collect();
         let explained: f64 =
             sums.iter().zip(&shares).map(|(sums, [a, b])| a * sums[3] + b * sums[4]).sum();
@@ -171,16 +169,6 @@ impl BeatParts {
         let periods = a_step.abs() * (photo.size.width / spacing) as f32;
         let columns = ((periods / PERIODS_MIN) as usize).min(most);
         (columns >= COLUMNS_MIN).then_some(BeatParts { photo, columns, rows })
-    }
-
-    /// Column and row ranges of the `n`-th part.
-    fn part(&self, n: usize) -> [Range<usize>; 2] {
-        let Rect { x, y, size } = self.photo;
-        let span = |n: usize, parts: usize, length: usize, first: usize| {
-            first + n * length / parts..first + (n + 1) * length / parts
-        };
-        let (columns, rows) = (self.columns, self.rows);
-        [span(n % columns, columns, size.width, x), span(n / columns, rows, size.height, y)]
     }
 }
 

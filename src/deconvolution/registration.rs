@@ -109,11 +109,10 @@ impl Registration {
 
     /// Fits the gain alone, by sums of light; 1 if it differs from 1 by more than `most`.
     pub fn fit_gain(comparison: &Comparison<'_>, most: f64) -> f64 {
-        let Rect { x, y, size } = comparison.area;
         let (mut seen, mut predicted) = (0.0f64, 0.0f64);
         for &c in comparison.channels {
-            for row in y..y + size.height {
-                let columns = x..x + size.width;
+            for row in comparison.area.rows() {
+                let columns = comparison.area.columns();
                 let light = &comparison.seen.plane(c).row(row)[columns.clone()];
                 let expected = &comparison.predicted.plane(c).row(row)[columns.clone()];
                 let mask = &comparison.mask.plane(c).row(row)[columns];
@@ -240,13 +239,11 @@ impl Comparison<'_> {
     /// The sums of each part of the area, in cells of `cell_px`.
     fn parts(&self, cell_px: usize) -> Vec<RegistrationSums> {
         let Rect { x, y, size } = self.area;
-        let cells = (size.width.div_ceil(cell_px), size.height.div_ceil(cell_px));
-        let span =
-            |n: usize, parts: usize, cells: usize| n * cells / parts..(n + 1) * cells / parts;
-        let add_part = |n: usize| {
+        let cells = Size::new(size.width.div_ceil(cell_px), size.height.div_ceil(cell_px));
+        let add_part = |part: &Rect| {
             let mut sums = RegistrationSums::default();
-            for row in span(n / PARTS.0, PARTS.1, cells.1) {
-                for column in span(n % PARTS.0, PARTS.0, cells.0) {
+            for row in part.rows() {
+                for column in part.columns() {
                     let (left, top) = (column * cell_px, row * cell_px);
                     let size =
                         Size::new(cell_px.min(size.width - left), cell_px.min(size.height - top));
@@ -258,7 +255,9 @@ impl Comparison<'_> {
             }
             sums
         };
-        (0..PARTS.0 * PARTS.1).into_par_iter().map(add_part).collect()
+        let cells = Rect { x: 0, y: 0, size: cells };
+        let parts: Vec<Rect> = cells.parts(PARTS.0, PARTS.1).collect();
+        parts.par_iter().map(add_part).collect()
     }
 }
 

@@ -4,11 +4,16 @@ use crate::frame::{Plane, Rect, Size};
 
 /// The mean of every 2×2 pixels; an odd last row or column counts twice.
 pub(super) fn halve(plane: &Plane) -> Plane {
+    of_each_four(plane, |[a, b, c, d]| 0.25 * (a + b + c + d))
+}
+
+/// `of` every 2×2 pixels, row by row; an odd last row or column counts twice.
+pub(super) fn of_each_four(plane: &Plane, of: impl Fn([f32; 4]) -> f32) -> Plane {
     let size = Size::new(plane.width().div_ceil(2), plane.height().div_ceil(2));
     let (right, bottom) = (plane.width().saturating_sub(1), plane.height().saturating_sub(1));
     Plane::from_fn(size, |x, y| {
         let (x, y, x1, y1) = (2 * x, 2 * y, (2 * x + 1).min(right), (2 * y + 1).min(bottom));
-        0.25 * (plane.at(x, y) + plane.at(x1, y) + plane.at(x, y1) + plane.at(x1, y1))
+        of([plane.at(x, y), plane.at(x1, y), plane.at(x, y1), plane.at(x1, y1)])
     })
 }
 

@@ -75,14 +75,11 @@ impl Coding {
                 && component.steps.iter().all(|&step| step > 0)
                 && component.coefficients.len() == component.blocks.area() * BLOCK_AREA
         };
-        let first = self.components.first().is_some_and(|first| first.pixels == (1, 1));
-        let alike = || self.components[1].pixels == self.components[2].pixels;
-        first
-            && match self.components.len() {
-                1 => true,
-                3 => alike(),
-                _ => false,
-            }
-            && self.components.iter().all(sound)
+        let is_layout = match &self.components[..] {
+            [luma] => luma.pixels == (1, 1),
+            [luma, blue, red] => luma.pixels == (1, 1) && blue.pixels == red.pixels,
+            _ => false,
+        };
+        is_layout && self.components.iter().all(sound)
     }
 }

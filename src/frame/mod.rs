@@ -17,6 +17,7 @@ mod once;
 mod plane;
 pub mod resample;
 mod space;
+mod steps;
 
 pub use channel::{Channel, Channels};
 pub use coding::{BLOCK_AREA, BLOCK_PX, CodedComponent, Coding};
@@ -26,6 +27,7 @@ pub(crate) use npy::read_npy_f32;
 pub use once::once;
 pub use plane::{PhotoGrid, Plane, Rect, Size};
 pub use space::{Codes, Counts, Frame, PanelSpace, SensorSpace, Work};
+pub use steps::{at_step, step_of};
 
 /// Full scale of linear light in Work space (the paper's 0..255).
 pub const FULL_SCALE: f32 = 255.0;

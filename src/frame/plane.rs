@@ -1,5 +1,7 @@
 //! A row-major grid of numbers.
 
+use std::ops::Range;
+
 use serde::{Deserialize, Serialize};
 
 /// Width and height in pixels.
@@ -38,6 +40,30 @@ pub struct Rect {
     pub y: usize,
     /// Width and height.
     pub size: Size,
+}
+
+impl Rect {
+    /// Its parts in a grid of `columns` × `rows`, row by row; their sides differ by a pixel at
+    /// most.
+    pub fn parts(self, columns: usize, rows: usize) -> impl Iterator<Item = Rect> {
+        let part = |n: usize, of: usize, length: usize| n * length / of..(n + 1) * length / of;
+        (0..columns * rows).map(move |n| {
+            let across = part(n % columns, columns, self.size.width);
+            let down = part(n / columns, rows, self.size.height);
+            let size = Size::new(across.len(), down.len());
+            Rect { x: self.x + across.start, y: self.y + down.start, size }
+        })
+    }
+
+    /// Its columns.
+    pub fn columns(self) -> Range<usize> {
+        self.x..self.x + self.size.width
+    }
+
+    /// Its rows.
+    pub fn rows(self) -> Range<usize> {
+        self.y..self.y + self.size.height
+    }
 }
 
 /// Position of a rig's photos on its sensor.
@@ -154,8 +180,8 @@ impl<T: Copy + Default> Plane<T> {
     /// Copies the pixels in `rect`, which must lie inside the plane.
     pub fn crop(&self, rect: Rect) -> Plane<T> {
         let mut data = Vec::with_capacity(rect.size.area());
-        for y in rect.y..rect.y + rect.size.height {
-            data.extend_from_slice(&self.row(y)[rect.x..rect.x + rect.size.width]);
+        for y in rect.rows() {
+            data.extend_from_slice(&self.row(y)[rect.columns()]);
         }
         Plane { size: rect.size, data }
     }

@@ -176,8 +176,8 @@ fn fit(predicted: &Frame<Work>, captures: &[Seen; 2], photo: Rect) -> PilotReadi
 /// Noise of one capture, from the difference of two where `mask` is set.
 fn capture_noise(captures: &[Seen; 2], mask: &Plane<u8>, channel: Channel, photo: Rect) -> f64 {
     let (mut squared, mut count) = (0.0f64, 0.0f64);
-    for y in photo.y..photo.y + photo.size.height {
-        for x in photo.x..photo.x + photo.size.width {
+    for y in photo.rows() {
+        for x in photo.columns() {
             if mask.at(x, y) == TRUSTED {
                 let [a, b] = captures.each_ref().map(|seen| seen.light.plane(channel).at(x, y));
                 squared += f64::from(a - b).powi(2);

@@ -12,7 +12,7 @@ mod texture;
 use rayon::prelude::*;
 
 use super::data_term::{NOISE_MIN, TRUSTED};
-use super::smoothing::halve;
+use super::smoothing::{halve, of_each_four};
 use crate::frame::{Plane, Size};
 
 /// Side of a block, the unit of the mask: the size of a detail of the finest level.
@@ -79,8 +79,8 @@ impl DetailMask {
         let mut largest: Plane = Plane::zeros(size);
         let mut peak = 0.0f32;
         for Activity { pixels, cells } in &activities {
-            for ((l, p), c) in largest.data_mut().iter_mut().zip(pixels.data()).zip(cells.data()) {
-                *l = l.max(*p).max(*c);
+            for plane in [pixels, cells] {
+                largest.update(plane, |most, of| *most = most.max(of));
             }
             peak = pixels.data().iter().copied().filter(|p| p.is_finite()).fold(peak, f32::max);
         }
@@ -118,12 +118,7 @@ fn blocks(size: Size) -> Size {
 
 /// The maximum of each 2×2 pixels.
 fn halve_by_max(plane: &Plane) -> Plane {
-    let size = plane.size();
-    Plane::from_fn(blocks(size), |x, y| {
-        let (right, below) = ((2 * x + 1).min(size.width - 1), (2 * y + 1).min(size.height - 1));
-        let upper = plane.at(2 * x, 2 * y).max(plane.at(right, 2 * y));
-        upper.max(plane.at(2 * x, below)).max(plane.at(right, below))
-    })
+    of_each_four(plane, |[a, b, c, d]| a.max(b).max(c).max(d))
 }
 
 /// Sums over blocks of the `values` at each pixel of a plane of `size`; `None` does not count.

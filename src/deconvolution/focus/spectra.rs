@@ -49,18 +49,6 @@ pub(super) enum Folding {
     OneOfFour,
 }
 
-impl Folding {
-    /// Highest frequency used, cycles per pixel: aliases onto lower ones are weak. Edges put their
-    /// power along lines in frequency, whose aliases an isotropic scene does not explain.
-    fn highest(self) -> f32 {
-        match self {
-            Folding::Whole => 1.0,
-            Folding::Quincunx => 0.42,
-            Folding::OneOfFour => 0.35,
-        }
-    }
-}
-
 /// The frequencies of a tile that are used.
 pub(super) struct Frequencies {
     /// Indices of the mutual aliases, [`Frequencies::folds`] for each frequency used.
@@ -94,9 +82,8 @@ pub(super) struct Tiles {
     side: usize,
     window: Vec<f32>,
     fft: Arc<dyn Fft<f32>>,
-    whole: Frequencies,
-    quincunx: Frequencies,
-    one_of_four: Frequencies,
+    /// Of each [`Folding`].
+    frequencies: [Frequencies; 3],
     places: Vec<TilePlace>,
 }
 
@@ -130,13 +117,12 @@ impl Tiles {
         let hann = |n: usize| 0.5 - 0.5 * (TAU * (n as f32 + 0.5) / side as f32).cos();
         let window = (0..side * side).map(|n| hann(n % side) * hann(n / side)).collect();
         let ln = ln_frequencies(side);
+        let foldings = [Folding::Whole, Folding::Quincunx, Folding::OneOfFour];
         Some(Tiles {
             side,
             window,
             fft: FftPlanner::new().plan_fft_forward(side),
-            whole: Frequencies::of(side, Folding::Whole, &ln),
-            quincunx: Frequencies::of(side, Folding::Quincunx, &ln),
-            one_of_four: Frequencies::of(side, Folding::OneOfFour, &ln),
+            frequencies: foldings.map(|folding| Frequencies::of(side, folding, &ln)),
             places: (0..rows * columns).map(place).collect(),
         })
     }
@@ -146,11 +132,7 @@ impl Tiles {
     }
 
     pub(super) fn frequencies(&self, folding: Folding) -> &Frequencies {
-        match folding {
-            Folding::Whole => &self.whole,
-            Folding::Quincunx => &self.quincunx,
-            Folding::OneOfFour => &self.one_of_four,
-        }
+        &self.frequencies[folding as usize]
     }
 
     /// The spectrum of `channel` at `place`; `None` where data are missing or saturated.
@@ -219,19 +201,18 @@ fn ln_frequencies(side: usize) -> Arc<[f32]> {
 impl Frequencies {
     fn of(side: usize, folding: Folding, ln: &Arc<[f32]>) -> Frequencies {
         let half = side / 2;
-        // Extent without aliases and without the conjugate half of a real spectrum.
-        let shifts: &[(usize, usize)] = match folding {
-            Folding::Whole => &[(0, 0)],
-            Folding::Quincunx => &[(0, 0), (half, half)],
-            Folding::OneOfFour => &[(0, 0), (half, half), (half, 0), (0, half)],
+        // Mutual aliases; the extent without them and without the conjugate half of a real
+        // spectrum; the highest frequency used, cycles per pixel: aliases onto lower ones are weak.
+        // Edges put their power along lines in frequency, whose aliases an isotropic scene does not
+        // explain.
+        let (shifts, width, height, highest): (&[(usize, usize)], _, _, f32) = match folding {
+            Folding::Whole => (&[(0, 0)], half + 1, side, 1.0),
+            Folding::Quincunx => (&[(0, 0), (half, half)], half, side, 0.42),
+            Folding::OneOfFour => {
+                (&[(0, 0), (half, half), (half, 0), (0, half)], half / 2 + 1, half, 0.35)
+            }
         };
-        let lowest = (LOWEST / side as f32).ln();
-        let highest = folding.highest().ln();
-        let (width, height) = match folding {
-            Folding::Whole => (half + 1, side),
-            Folding::Quincunx => (half, side),
-            Folding::OneOfFour => (half / 2 + 1, half),
-        };
+        let (lowest, highest) = ((LOWEST / side as f32).ln(), highest.ln());
         let mut aliases = Vec::new();
         for fx in 0..width {
             for fy in 0..height {

@@ -4,6 +4,8 @@
 //! rounded. In the dark the mean code is not the code of the mean: noise below black is clipped,
 //! and the curve bends most there. The expected code is ē(l) = ∫ enc(max(l + σ(l) z, 0)) φ(z) dz.
 
+use crate::frame::{at_step, step_of};
+
 /// Samples of ē over light, spaced as squares: dense in the dark.
 const PLACES: usize = 4096;
 /// Samples of its inverse over codes.
@@ -35,7 +37,7 @@ impl CodeCurve {
         if light.len() != TOP as usize + 1 {
             return None;
         }
-        let plain: Vec<f32> = (0..=PLACES).map(|place| code_of(light, light_at(place))).collect();
+        let plain: Vec<f32> = (0..=PLACES).map(|place| step_of(light, light_at(place))).collect();
         let weights: Vec<(f32, f32)> = (-REACH * PARTS..=REACH * PARTS)
             .map(|n| n as f32 / PARTS as f32)
             .map(|z| (z, (-0.5 * z * z).exp()))
@@ -45,7 +47,7 @@ impl CodeCurve {
         for place in 0..=PLACES {
             let (light, mut highest) = (light_at(place), 0.0f32);
             let noise = sigma(light);
-            let seen = |z: f32| between(&plain, place_of(light + noise * z));
+            let seen = |z: f32| at_step(&plain, place_of(light + noise * z));
             let mean = weights.iter().map(|&(z, weight)| weight * seen(z)).sum::<f32>() / total;
             let square =
                 weights.iter().map(|&(z, weight)| weight * (seen(z) - mean).powi(2)).sum::<f32>();
@@ -76,18 +78,18 @@ impl CodeCurve {
     /// ē of `light`, within 0..255.
     #[inline(always)]
     pub(super) fn encode(&self, light: f32) -> f32 {
-        between(&self.codes, place_of(light))
+        at_step(&self.codes, place_of(light))
     }
 
     /// The light of `code`: the inverse of [`CodeCurve::encode`].
     #[inline(always)]
     pub(super) fn decode(&self, code: f32) -> f32 {
-        between(&self.light, code.clamp(0.0, TOP) * (CODES as f32 / TOP))
+        at_step(&self.light, code.clamp(0.0, TOP) * (CODES as f32 / TOP))
     }
 
     /// σ of the code of `light`.
     pub(super) fn deviation(&self, light: f32) -> f32 {
-        between(&self.deviations, place_of(light))
+        at_step(&self.deviations, place_of(light))
     }
 
     /// ē′ at `light`: codes for each grey level of light.
@@ -108,22 +110,6 @@ fn light_at(place: usize) -> f32 {
 #[inline(always)]
 fn place_of(light: f32) -> f32 {
     (light.clamp(0.0, TOP) / TOP).sqrt() * PLACES as f32
-}
-
-/// `table` interpolated at `at`.
-#[inline(always)]
-fn between(table: &[f32], at: f32) -> f32 {
-    let below = (at as usize).min(table.len() - 2);
-    table[below] + (at - below as f32) * (table[below + 1] - table[below])
-}
-
-/// The code of `wanted`, with its fraction, by the `light` of codes.
-fn code_of(light: &[f32], wanted: f32) -> f32 {
-    let above = light.partition_point(|&v| v <= wanted);
-    let (Some(below), Some(&high)) = (above.checked_sub(1), light.get(above)) else {
-        return if above == 0 { 0.0 } else { TOP };
-    };
-    below as f32 + (wanted - light[below]) / (high - light[below])
 }
 
 #[cfg(test)]

@@ -214,11 +214,8 @@ impl JpegTerm {
         let (rect, (across, down)) = (self.rect, self.unit());
         let Size { width, height } = rect.size;
         let high = down.min(height - row * down);
-        let mut strip = [(); 3].map(|()| Vec::new());
+        let mut strip = [(); 3].map(|()| vec![0.0; high * width]);
         let mut codes = [[0.0f32; UNIT_AREA]; 3];
-        for (n, _) in self.channels().iter().enumerate() {
-            strip[n] = vec![0.0; high * width];
-        }
         for column in 0..width.div_ceil(across) {
             for (codes, &c) in codes.iter_mut().zip(self.channels()) {
                 let curve = &self.curves[c.index()];

@@ -16,25 +16,21 @@ use super::instructions::{Kernel, multiply_add, run_fastest};
 const KEYS_A: f32 = -0.5;
 
 /// Cubic polynomials in t of the four taps at −1, 0, 1, 2: coefficients of 1, t, t² and t³.
-const CUBICS: [[f32; 4]; 4] = cubics(KEYS_A);
-
-const fn cubics(a: f32) -> [[f32; 4]; 4] {
-    [
-        [0.0, 1.0, 0.0, 0.0],
-        [a, 0.0, -a, 0.0],
-        [-2.0 * a, -a - 3.0, 2.0 * a + 3.0, a],
-        [a, a + 2.0, -a - 2.0, -a],
-    ]
-}
+const CUBICS: [[f32; 4]; 4] = [
+    [0.0, 1.0, 0.0, 0.0],
+    [KEYS_A, 0.0, -KEYS_A, 0.0],
+    [-2.0 * KEYS_A, -KEYS_A - 3.0, 2.0 * KEYS_A + 3.0, KEYS_A],
+    [KEYS_A, KEYS_A + 2.0, -KEYS_A - 2.0, -KEYS_A],
+];
 
 /// Weights of the four taps at −1, 0, 1, 2 for a position `t` (0..=1) between taps 0 and 1.
 #[inline(always)]
-fn weights<const FUSED: bool>(cubics: &[[f32; 4]; 4], t: f32) -> [f32; 4] {
+fn weights<const FUSED: bool>(t: f32) -> [f32; 4] {
     let mut weights = [0.0; 4];
     for (j, weight) in weights.iter_mut().enumerate() {
-        let upper = multiply_add::<FUSED>(cubics[3][j], t, cubics[2][j]);
+        let upper = multiply_add::<FUSED>(CUBICS[3][j], t, CUBICS[2][j]);
         *weight =
-            multiply_add::<FUSED>(multiply_add::<FUSED>(upper, t, cubics[1][j]), t, cubics[0][j]);
+            multiply_add::<FUSED>(multiply_add::<FUSED>(upper, t, CUBICS[1][j]), t, CUBICS[0][j]);
     }
     weights
 }
@@ -42,16 +38,12 @@ fn weights<const FUSED: bool>(cubics: &[[f32; 4]; 4], t: f32) -> [f32; 4] {
 /// Value of `plane` at column `x`, row `y` (pixel centres are integers), whose border repeats
 /// outside; zero if a position is not finite or the plane is empty.
 pub fn sample(plane: &Plane, x: f32, y: f32) -> f32 {
-    sample_by(&CUBICS, plane, x, y)
-}
-
-fn sample_by(cubics: &[[f32; 4]; 4], plane: &Plane, x: f32, y: f32) -> f32 {
     let (width, height) = (plane.width() as isize, plane.height() as isize);
     if !(x.is_finite() && y.is_finite()) || width == 0 || height == 0 {
         return 0.0;
     }
-    let (columns, wx) = border_taps(cubics, width, x);
-    let (rows, wy) = border_taps(cubics, height, y);
+    let (columns, wx) = border_taps(width, x);
+    let (rows, wy) = border_taps(height, y);
     let mut total = 0.0;
     for (&row, &weight) in rows.iter().zip(&wy) {
         let row = plane.row(row);
@@ -62,13 +54,13 @@ fn sample_by(cubics: &[[f32; 4]; 4], plane: &Plane, x: f32, y: f32) -> f32 {
 
 /// The four taps around `place` on a side of `length` pixels, and their weights.
 #[inline(always)]
-fn border_taps(cubics: &[[f32; 4]; 4], length: isize, place: f32) -> ([usize; 4], [f32; 4]) {
+fn border_taps(length: isize, place: f32) -> ([usize; 4], [f32; 4]) {
     // Clamping keeps the arithmetic in range; all taps are outside there anyway.
     let place = place.clamp(-4.0, length as f32 + 3.0);
     // The offset of 5 makes truncation equal rounding down: `floor` is a library call on baseline
     // x86-64.
     let first = (place + 5.0) as isize - 6;
-    let weights = weights::<false>(cubics, place - (first + 1) as f32);
+    let weights = weights::<false>(place - (first + 1) as f32);
     ([0, 1, 2, 3].map(|n| (first + n).clamp(0, length - 1) as usize), weights)
 }
 
@@ -177,7 +169,7 @@ fn inner<const FUSED: bool>(
     let mut sums = [[0.0f32; 4]; AT_A_TIME];
     for i in 0..AT_A_TIME {
         let start = rows[i] as usize * width + columns[i] as usize;
-        let wx = weights::<FUSED>(&CUBICS, tx[i]);
+        let wx = weights::<FUSED>(tx[i]);
         let taps: [&[f32]; 4] =
             [&up[start..][..4], &mid[start..][..4], &low[start..][..4], &down[start..][..4]];
         for c in 0..4 {

@@ -72,9 +72,6 @@ pub(super) fn compared<'a>(case: &Case<'a>) -> Option<Compared<'a>> {
 
 /// Whether the result's photograph is the photo.
 fn is_certified(case: &Case<'_>) -> bool {
-    case.solved
-        .solution
-        .certificate
-        .ratio()
-        .is_some_and(|ratio| f64::from(ratio) <= limits::CONFIRMED)
+    let ratio = case.solved.solution.certificate.ratio();
+    ratio.is_some_and(|ratio| f64::from(ratio) <= limits::CONFIRMED)
 }
