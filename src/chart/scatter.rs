@@ -10,7 +10,6 @@ use super::trade::{Measure, Point, Trade};
 const WIDTH: f64 = 1000.0;
 const FIELD: [f64; 4] = [70.0, 84.0, 980.0, 560.0];
 const RADIUS: f64 = 5.0;
-/// The measure drawn.
 const MEASURE: Measure = Measure::Ssim;
 /// Room below the untouched photos, a share of the largest gain; points further down are arrows.
 const ROOM_BELOW: f64 = 0.2;
@@ -223,7 +222,6 @@ impl<'a> ScatterPanel<'a> {
     }
 }
 
-/// Colour of the front.
 const FRONT: super::drawing::Colour = super::drawing::Colour(0xd4, 0xd4, 0xd4);
 
 /// Small areas along a segment, which keep labels off it.

@@ -26,7 +26,6 @@ pub enum Scene {
     Leaves,
 }
 
-/// Seed of the leaves.
 const LEAVES_SEED: u64 = 20_261_124;
 
 impl Scene {

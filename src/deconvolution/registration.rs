@@ -191,7 +191,6 @@ struct RegistrationSums {
 }
 
 impl RegistrationSums {
-    /// Adds one cell of a comparison.
     fn add_cell(&mut self, comparison: &Comparison<'_>, channel: Channel, cell: Rect) {
         let (predicted, seen) =
             (comparison.predicted.plane(channel), comparison.seen.plane(channel));

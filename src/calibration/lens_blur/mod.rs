@@ -60,7 +60,6 @@ pub struct Shot {
 const RIDGE: f64 = 1e-3;
 
 impl FunctionGrid {
-    /// The canvas.
     fn canvas(&self) -> Size {
         Size::new(self.photo.width + 2 * self.margin_px, self.photo.height + 2 * self.margin_px)
     }

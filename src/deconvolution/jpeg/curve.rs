@@ -101,7 +101,6 @@ impl CodeCurve {
     }
 }
 
-/// The light at a sample.
 fn light_at(place: usize) -> f32 {
     TOP * (place as f32 / PLACES as f32).powi(2)
 }

@@ -87,17 +87,16 @@ pub(super) const DATA_SHARE_MIN: f64 = 0.05;
 /// Guess: by directions and by the other colours, cameras do twice as well.
 pub(super) const FILLED_IN: f32 = 0.5;
 
-/// The sentence on a photo of nothing but noise.
+// Why photos are returned as they are.
+
 pub(in crate::pipeline) const NOTHING_BUT_NOISE: &str = "from pixel to pixel the photo changes as \
     much as anywhere, which no lens lets through; it is dithered, screened as in print, or hardly \
     anything but noise";
-/// The sentence on a photo of a sharper lens.
 pub(in crate::pipeline) const SHARPER: &str = "the photo is far sharper than the measured lens \
     makes any, as a lens stopped down or another one does, and a restoration would overshoot; \
     calibrate at the aperture that you photograph with";
-/// The sentence on a photo whose colours have one blur.
 pub(in crate::pipeline) const NOT_THIS_LENS: &str = "the photo's blur is not this lens's, which \
     blurs each colour differently: it may come from another lens, or have been resized or scanned";
-/// The sentence on a photo of which neither method nor reference solution explains more.
+/// Neither method nor reference solution explains more.
 pub(super) const NOTHING_GAINED: &str = "what the lens did to this photo cannot be told from the \
     photo's noise; any restoration would be made of that noise";

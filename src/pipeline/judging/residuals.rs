@@ -155,7 +155,6 @@ pub(in crate::pipeline) fn valid_pixels(
     }
 }
 
-/// Sum of `plane` over valid pixels.
 fn sum_over(plane: &Plane, valid: &Plane<u8>) -> f64 {
     let values = plane.data().iter().zip(valid.data()).filter(|&(_, &t)| t != MISSING);
     values.map(|(&v, _)| f64::from(v)).sum()
