@@ -17,7 +17,7 @@ use relens::daemon::{
 use relens::frame::{Frame, Mosaic, Plane, Size, Work};
 use relens::picture::worker::Worker;
 use relens::picture::{
-    Dng, Format, Limits, Manner, Photo, PictureError, PixelLayout, RawTags, encode,
+    ColorType, Dng, Format, Limits, Manner, Photo, PictureError, RawTags, encode,
 };
 use relens::pipeline::Outcome;
 use relens::remedy::{AnyFailure, Remedy};
@@ -33,7 +33,7 @@ fn picture(manner: &Manner, size: Size) -> Vec<u8> {
     let scene: Frame<Work> = Frame::from_fn(|c| {
         Plane::from_fn(size, |x, y| ((x * 3 + y * 2 + 9 * c.index()) % 200) as f32)
     });
-    encode("scene", &scene, manner, manner.layout.is_grey()).unwrap()
+    encode("scene", &scene, manner, !manner.colour.has_color()).unwrap()
 }
 
 fn kept(folder: &Path, name: &str, bytes: &[u8]) -> PathBuf {
@@ -50,7 +50,7 @@ fn read(worker: &Worker, path: &Path) -> Result<Photo, PictureError> {
 /// A grey JPEG of 6400×4800 pixels in 0.4 MB, made without room for them.
 fn bomb() -> Vec<u8> {
     let mut grey = Manner::plain(Format::Jpeg, 8, Curve::Srgb);
-    grey.layout = PixelLayout::Grey;
+    grey.colour = ColorType::L8;
     let mut bytes = picture(&grey, RIG);
     let frame = bytes.windows(2).position(|w| w == [0xff, 0xc0]).unwrap();
     bytes[frame + 5..frame + 9].copy_from_slice(&[0x12, 0xc0, 0x19, 0x00]);
@@ -115,24 +115,20 @@ fn a_file_can_kill_its_worker_and_no_more() {
 
     // A worker returns what this process reads, to the last bit.
     let icc = moxcms::ColorProfile::new_display_p3().encode().unwrap();
-    for (format, bits, layout) in [
-        (Format::Jpeg, 8, PixelLayout::Rgb),
-        (Format::Png, 8, PixelLayout::Grey),
-        (Format::Png, 16, PixelLayout::RgbAlpha),
-        (Format::Tiff, 16, PixelLayout::Rgb),
+    for (format, bits, colour) in [
+        (Format::Jpeg, 8, ColorType::Rgb8),
+        (Format::Png, 8, ColorType::L8),
+        (Format::Png, 16, ColorType::Rgba16),
+        (Format::Tiff, 16, ColorType::Rgb16),
     ] {
         let mut manner = Manner::plain(format, bits, Curve::Srgb);
-        (manner.layout, manner.icc) = (layout, (bits == 16).then(|| icc.clone()));
+        (manner.colour, manner.icc) = (colour, (bits == 16).then(|| icc.clone()));
         for size in [RIG, Size::new(128, 96)] {
             let path = kept(folder, &format!("a.{}", format.extension()), &picture(&manner, size));
             let here =
                 Photo::read(&path, Curve::Srgb, &Limits::default()).unwrap().fit(RIG).unwrap();
             let there = read(&worker(), &path).unwrap();
-            assert_eq!(
-                format!("{here:?}"),
-                format!("{there:?}"),
-                "{format:?} {bits} {layout:?} {size}"
-            );
+            assert_eq!(format!("{here:?}"), format!("{there:?}"), "{format:?} {colour:?} {size}");
         }
     }
     let sites = Plane::from_fn(RIG, |x, y| (64 + 13 * x + 2 * y) as u16);

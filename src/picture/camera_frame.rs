@@ -38,7 +38,7 @@ pub fn camera_frame(bytes: &[u8], size: Size) -> Result<Counts, Flaw> {
             allowed: format!("a whole frame of {size}"),
         });
     }
-    let step = raster.layout.samples();
+    let step = raster.step();
     let mut counts = Counts::zeros(size);
     for (n, plane) in counts.planes_mut().iter_mut().enumerate() {
         let own = raster.samples.iter().skip(n.min(step - 1)).step_by(step);

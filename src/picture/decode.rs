@@ -57,34 +57,9 @@ impl Default for Limits {
     }
 }
 
-/// The samples of a pixel in a file.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-pub enum PixelLayout {
-    /// One grey sample.
-    Grey,
-    /// Grey and alpha.
-    GreyAlpha,
-    /// Red, green, blue.
-    Rgb,
-    /// Red, green, blue, alpha.
-    RgbAlpha,
-}
-
-impl PixelLayout {
-    /// The number of samples, alpha included.
-    pub const fn samples(self) -> usize {
-        (if self.is_grey() { 1 } else { 3 }) + self.has_alpha() as usize
-    }
-
-    /// Whether there is one grey sample in place of three colours.
-    pub const fn is_grey(self) -> bool {
-        matches!(self, PixelLayout::Grey | PixelLayout::GreyAlpha)
-    }
-
-    /// Whether there is an alpha sample.
-    pub const fn has_alpha(self) -> bool {
-        matches!(self, PixelLayout::GreyAlpha | PixelLayout::RgbAlpha)
-    }
+/// Bits of each sample of `colour`.
+pub(super) fn bits_of(colour: ColorType) -> u8 {
+    colour.bits_per_pixel() as u8 / colour.channel_count()
 }
 
 /// A decoded file: its samples as stored, and its metadata.
@@ -92,10 +67,9 @@ impl PixelLayout {
 pub(super) struct Raster {
     pub(super) content: Content,
     pub(super) size: Size,
-    pub(super) layout: PixelLayout,
-    /// 8 or 16.
-    pub(super) bits: u8,
-    /// Pixel by pixel, `layout.samples()` each, full scale 255 or 65535 by `bits`.
+    /// Of 8 or 16 bits a sample.
+    pub(super) colour: ColorType,
+    /// Pixel by pixel, full scale 255 or 65535.
     pub(super) samples: Vec<u16>,
     pub(super) orientation: Orientation,
     pub(super) icc: Option<Vec<u8>>,
@@ -180,7 +154,7 @@ impl Heading {
                 collect(decoder(Cursor::new(bytes), content, limits), content, limits)?;
             if content == Content::Written(Format::Jpeg) {
                 let coding = coding.map_or_else(|| jpeg::coefficients(bytes), Ok)?;
-                let step = raster.layout.samples();
+                let step = raster.step();
                 raster.coding = match coding.filter(|read| read.size == raster.size) {
                     Some(coding) => jpeg::agree(&coding, &raster.samples, step)?.then_some(coding),
                     None => None,
@@ -201,7 +175,7 @@ impl Heading {
         raster.lost.extend(lost);
         raster.exif = raster.exif.or(exif);
         raster.state(colours);
-        if is_multiplied && raster.layout.has_alpha() {
+        if is_multiplied && raster.colour.has_alpha() {
             raster.divide_by_alpha();
         }
         Ok(raster)
@@ -209,6 +183,11 @@ impl Heading {
 }
 
 impl Raster {
+    /// The number of samples of a pixel.
+    pub(super) fn step(&self) -> usize {
+        self.colour.channel_count().into()
+    }
+
     /// Sets the profile of `colours`, which the file states elsewhere than in a profile. Numbers
     /// count more than a profile, all else less (PNG specification, third edition, §4.3).
     fn state(&mut self, colours: Option<StatedColours>) {
@@ -220,12 +199,13 @@ impl Raster {
         let colours = colours.or_else(|| is_adobe().then_some(StatedColours::ADOBE));
         let Some(colours) = colours else { return };
         self.is_srgb = matches!(colours, StatedColours::Srgb);
-        self.icc = colours.profile(self.layout.is_grey());
+        self.icc = colours.profile(!self.colour.has_color());
     }
 
     fn divide_by_alpha(&mut self) {
-        let top = if self.bits == 8 { 255 } else { 65535 };
-        for pixel in self.samples.chunks_exact_mut(self.layout.samples()) {
+        let top = if bits_of(self.colour) == 8 { 255 } else { 65535 };
+        let step = self.step();
+        for pixel in self.samples.chunks_exact_mut(step) {
             let Some((&mut alpha, colours)) = pixel.split_last_mut() else { continue };
             let alpha = u32::from(alpha);
             for code in colours.iter_mut().filter(|_| alpha > 0) {
@@ -311,7 +291,10 @@ fn collect<D: ImageDecoder>(
     {
         return Err(Flaw::Oversized { found: size, allowed: limits.pixels_max });
     }
-    let (layout, bits) = layout_of(decoder.color_type()).map_err(unsupported)?;
+    let colour = decoder.color_type();
+    if !matches!(bits_of(colour), 8 | 16) {
+        return Err(unsupported("samples of another depth"));
+    }
     let icc = decoder.icc_profile().unwrap_or(None).filter(|icc| !icc.is_empty());
     let exif = decoder.exif_metadata().unwrap_or(None).filter(|exif| !exif.is_empty());
     let orientation = decoder.orientation().unwrap_or(Orientation::NoTransforms);
@@ -324,40 +307,13 @@ fn collect<D: ImageDecoder>(
     decoder.set_limits(decoder_limits(limits)).map_err(undecodable)?;
     let mut raw = vec![0u8; decoder.total_bytes() as usize];
     decoder.read_image(&mut raw).map_err(undecodable)?;
-    let samples = match bits {
+    let samples = match bits_of(colour) {
         8 => raw.into_iter().map(u16::from).collect(),
         _ => raw.chunks_exact(2).map(|b| u16::from_ne_bytes([b[0], b[1]])).collect(),
     };
     let lost = has_xmp.then_some(Lost::XMP).into_iter().collect();
     let (coding, is_srgb) = (None, false);
-    Ok(Raster {
-        content,
-        size,
-        layout,
-        bits,
-        samples,
-        orientation,
-        icc,
-        exif,
-        lost,
-        coding,
-        is_srgb,
-    })
-}
-
-/// Layout and bits a sample, or the words for a variety that is not read.
-fn layout_of(colours: ColorType) -> Result<(PixelLayout, u8), &'static str> {
-    match colours {
-        ColorType::L8 => Ok((PixelLayout::Grey, 8)),
-        ColorType::La8 => Ok((PixelLayout::GreyAlpha, 8)),
-        ColorType::Rgb8 => Ok((PixelLayout::Rgb, 8)),
-        ColorType::Rgba8 => Ok((PixelLayout::RgbAlpha, 8)),
-        ColorType::L16 => Ok((PixelLayout::Grey, 16)),
-        ColorType::La16 => Ok((PixelLayout::GreyAlpha, 16)),
-        ColorType::Rgb16 => Ok((PixelLayout::Rgb, 16)),
-        ColorType::Rgba16 => Ok((PixelLayout::RgbAlpha, 16)),
-        _ => Err("samples of another depth"),
-    }
+    Ok(Raster { content, size, colour, samples, orientation, icc, exif, lost, coding, is_srgb })
 }
 
 #[cfg(test)]
@@ -375,7 +331,7 @@ mod tests {
     #[test]
     fn a_lossy_webp_is_decoded() {
         let raster = decode(&LOSSY_WEBP, &Limits::default()).unwrap();
-        assert_eq!((raster.size, raster.bits), (Size::new(16, 16), 8));
+        assert_eq!((raster.size, raster.colour), (Size::new(16, 16), ColorType::Rgb8));
         assert!(raster.coding.is_none());
     }
 

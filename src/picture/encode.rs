@@ -3,14 +3,15 @@
 use std::io::Cursor;
 
 use image::codecs::{jpeg::JpegEncoder, png::PngEncoder, tiff::TiffEncoder};
-use image::{ExtendedColorType, ImageEncoder};
+use image::{ColorType, ImageEncoder};
 
 use crate::frame::resample::resize;
 use crate::frame::{Channel, Channels, Frame, Plane, Size, Work};
 
+use super::decode::bits_of;
 use super::exif;
-use super::turn::turn;
-use super::{Format, Manner, Photo, PictureError, PixelLayout};
+use super::turn::{turn, turned_size};
+use super::{Format, Manner, Photo, PictureError};
 
 /// JPEG quality of results, so that the loss stays below a capture's noise. Guess.
 const QUALITY: u8 = 95;
@@ -52,7 +53,7 @@ impl Photo {
     pub fn for_display(&self, picture: &Frame<Work>) -> Frame<Work> {
         let developed = self.manner.colours.as_ref().map(|colours| colours.developed(picture));
         let picture = developed.as_ref().unwrap_or(picture);
-        let grey = self.channels == Channels::Green || self.manner.layout.is_grey();
+        let grey = self.channels == Channels::Green || !self.manner.colour.has_color();
         let source = |c: Channel| picture.plane(if grey { Channel::Green } else { c });
         Frame::from_fn(|c| self.upright(source(c)))
     }
@@ -69,8 +70,7 @@ pub fn preview(
     let size = picture.size();
     let longest = size.width.max(size.height);
     let scaled = |n: usize| ((n * longest_px + longest / 2) / longest).max(1);
-    let layout = if manner.layout.is_grey() { PixelLayout::Grey } else { PixelLayout::Rgb };
-    let manner = Manner { format: Format::Jpeg, layout, exif: None, alpha: None, ..manner.clone() };
+    let manner = Manner { format: Format::Jpeg, exif: None, alpha: None, ..manner.clone() };
     let small = (longest > longest_px).then(|| {
         let small = Size::new(scaled(size.width), scaled(size.height));
         Frame::from_fn(|channel| resize(picture.plane(channel), small))
@@ -87,41 +87,39 @@ fn encoded(
 ) -> image::ImageResult<Vec<u8>> {
     let developed = manner.colours.as_ref().map(|colours| colours.developed(picture));
     let picture = developed.as_ref().unwrap_or(picture);
-    // The TIFF encoder has no grey with alpha, and JPEG no alpha.
-    let layout = match (manner.format, manner.layout) {
-        (Format::Tiff, PixelLayout::GreyAlpha) => PixelLayout::RgbAlpha,
-        (Format::Jpeg, PixelLayout::GreyAlpha) => PixelLayout::Grey,
-        (Format::Jpeg, PixelLayout::RgbAlpha) => PixelLayout::Rgb,
-        (_, layout) => layout,
+    // The TIFF encoder has no grey with alpha, and JPEG neither alpha nor 16 bits.
+    let colour = match (manner.format, manner.colour) {
+        (Format::Tiff, ColorType::La8) => ColorType::Rgba8,
+        (Format::Tiff, ColorType::La16) => ColorType::Rgba16,
+        (Format::Jpeg, colour) if colour.has_color() => ColorType::Rgb8,
+        (Format::Jpeg, _) => ColorType::L8,
+        (_, colour) => colour,
     };
-    let grey = grey || manner.layout.is_grey();
+    let grey = grey || !manner.colour.has_color();
     let source = |channel: Channel| picture.plane(if grey { Channel::Green } else { channel });
-    let colours: &[Channel] = if layout.is_grey() { &[Channel::Green] } else { &Channel::ALL };
+    let colours: &[Channel] = if colour.has_color() { &Channel::ALL } else { &[Channel::Green] };
     let mut planes: Vec<Vec<u16>> = colours
         .iter()
         .map(|&c| manner.tone.codes(c.index(), &turn(source(c), manner.orientation)))
         .collect();
-    let deep = manner.bits > 8;
-    if layout.has_alpha() {
+    let deep = bits_of(manner.colour) > 8;
+    if colour.has_alpha() {
         let opaque = Plane::filled(picture.size(), 1.0);
         let alpha = turn(manner.alpha.as_ref().unwrap_or(&opaque), manner.orientation);
         let top = if deep { 65535.0 } else { 255.0 };
         planes.push(alpha.data().iter().map(|a| (a.clamp(0.0, 1.0) * top + 0.5) as u16).collect());
     }
-    // A JPEG has 8 bits; codes of 16 are divided by 257.
-    let narrow = deep && manner.format == Format::Jpeg;
-    let size = super::turn::turned_size(picture.size(), manner.orientation);
-    let mut raw = Vec::with_capacity(size.area() * planes.len() * if deep { 2 } else { 1 });
+    let size = turned_size(picture.size(), manner.orientation);
+    let mut raw = Vec::with_capacity(size.area() * usize::from(colour.bytes_per_pixel()));
     for i in 0..size.area() {
         for plane in &planes {
-            match (deep, narrow) {
-                (true, false) => raw.extend_from_slice(&plane[i].to_ne_bytes()),
-                (true, true) => raw.push(((u32::from(plane[i]) + 128) / 257) as u8),
+            match (deep, bits_of(colour) > 8) {
+                (true, true) => raw.extend_from_slice(&plane[i].to_ne_bytes()),
+                (true, false) => raw.push(((u32::from(plane[i]) + 128) / 257) as u8),
                 (false, _) => raw.push(plane[i] as u8),
             }
         }
     }
-    let colour = colour_type(layout, deep && !narrow);
     let mut bytes = Vec::new();
     let out = Cursor::new(&mut bytes);
     match manner.format {
@@ -139,26 +137,12 @@ fn encoded(
     Ok(bytes)
 }
 
-/// The encoder's type for 8 or, if `deep`, 16 bits a sample.
-fn colour_type(layout: PixelLayout, deep: bool) -> ExtendedColorType {
-    match (layout, deep) {
-        (PixelLayout::Grey, false) => ExtendedColorType::L8,
-        (PixelLayout::GreyAlpha, false) => ExtendedColorType::La8,
-        (PixelLayout::Rgb, false) => ExtendedColorType::Rgb8,
-        (PixelLayout::RgbAlpha, false) => ExtendedColorType::Rgba8,
-        (PixelLayout::Grey, true) => ExtendedColorType::L16,
-        (PixelLayout::GreyAlpha, true) => ExtendedColorType::La16,
-        (PixelLayout::Rgb, true) => ExtendedColorType::Rgb16,
-        (PixelLayout::RgbAlpha, true) => ExtendedColorType::Rgba16,
-    }
-}
-
 fn write<E: ImageEncoder>(
     mut encoder: E,
     manner: &Manner,
     raw: &[u8],
     size: Size,
-    colour: ExtendedColorType,
+    colour: ColorType,
 ) -> image::ImageResult<()> {
     if let Some(icc) = &manner.icc {
         // All three formats take a profile.
@@ -168,7 +152,7 @@ fn write<E: ImageEncoder>(
         // The encoder of TIFF takes none.
         let _ = encoder.set_exif_metadata(exif::of_result(exif, size));
     }
-    encoder.write_image(raw, size.width as u32, size.height as u32, colour)
+    encoder.write_image(raw, size.width as u32, size.height as u32, colour.into())
 }
 
 #[cfg(test)]
@@ -206,7 +190,7 @@ mod tests {
         assert_eq!(seen.size(), Size::new(14, 20));
         assert_eq!(seen.plane(Channel::Red).at(13, 0), photo.light.plane(Channel::Red).at(0, 0));
 
-        manner.layout = PixelLayout::Grey;
+        manner.colour = ColorType::L8;
         let photo = back(&encode("p", &scene(size), &manner, true).unwrap());
         // A solver of grey photos gives green alone.
         let mut picture = Frame::zeros(size);
@@ -218,25 +202,20 @@ mod tests {
     #[test]
     fn lossless_formats_keep_every_sample_at_either_depth() {
         for format in [Format::Png, Format::Tiff] {
-            for bits in [8, 16] {
-                for layout in [
-                    PixelLayout::Grey,
-                    PixelLayout::Rgb,
-                    PixelLayout::RgbAlpha,
-                    PixelLayout::GreyAlpha,
-                ] {
-                    let mut manner = Manner::plain(format, bits, Curve::Srgb);
-                    manner.layout = layout;
-                    let size = Size::new(20, 14);
-                    manner.alpha =
-                        layout.has_alpha().then(|| Plane::from_fn(size, |x, _| x as f32 / 255.0));
-                    let first = back(&encode("p", &scene(size), &manner, false).unwrap());
-                    assert_eq!(first.manner.bits, bits);
-                    let again = encode("p", &first.light, &first.manner, layout.is_grey()).unwrap();
-                    let second = back(&again);
-                    assert_eq!(first.light, second.light, "{format:?} {bits} {layout:?}");
-                    assert_eq!(first.manner, second.manner, "{format:?} {bits} {layout:?}");
-                }
+            use ColorType::{L8, L16, La8, La16, Rgb8, Rgb16, Rgba8, Rgba16};
+            for colour in [L8, Rgb8, Rgba8, La8, L16, Rgb16, Rgba16, La16] {
+                let bits = bits_of(colour);
+                let mut manner = Manner::plain(format, bits, Curve::Srgb);
+                manner.colour = colour;
+                let size = Size::new(20, 14);
+                manner.alpha =
+                    colour.has_alpha().then(|| Plane::from_fn(size, |x, _| x as f32 / 255.0));
+                let first = back(&encode("p", &scene(size), &manner, false).unwrap());
+                assert_eq!(bits_of(first.manner.colour), bits);
+                let grey = !colour.has_color();
+                let second = back(&encode("p", &first.light, &first.manner, grey).unwrap());
+                assert_eq!(first.light, second.light, "{format:?} {colour:?}");
+                assert_eq!(first.manner, second.manner, "{format:?} {colour:?}");
             }
         }
     }

@@ -47,10 +47,11 @@ pub mod worker;
 
 pub use camera_frame::camera_frame;
 pub use colour_difference::Lab;
-pub use decode::{Limits, PixelLayout};
+pub use decode::Limits;
 pub use dng::{CameraColours, Dng, PhotoCamera, RawTags, RigSetting};
 pub use encode::{encode, preview};
 pub use flaw::{Flaw, Growth, PictureError};
+pub use image::ColorType;
 pub use kind::{Format, HEAD_BYTES, is_companion, result_name};
 pub use photo::{FileFacts, Manner, Photo, embedded};
 pub use reading::{ReadOptions, bytes_of, whole};

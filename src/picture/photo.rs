@@ -10,14 +10,14 @@ use crate::frame::{
     Channel, Channels, Coding, Frame, PhotoGrid, Plane, RawSites, Rect, Size, Work,
 };
 
-use super::decode::{Heading, Limits, Raster, decode, walk};
+use super::decode::{Heading, Limits, Raster, bits_of, decode, walk};
 use super::dng::RawFile;
 use super::kind::{Content, Format, is_raw_name, misnamed, tiff_of_a_camera};
 use super::metadata::Lost;
 use super::reading::{open, read_bytes};
 use super::tone::StatedColours;
 use super::{
-    CameraColours, Flaw, Orientation, PhotoCamera, PictureError, PixelLayout, Tone, exif, shape,
+    CameraColours, ColorType, Flaw, Orientation, PhotoCamera, PictureError, Tone, exif, shape,
 };
 use crate::config::Curve;
 
@@ -26,10 +26,8 @@ use crate::config::Curve;
 pub struct Manner {
     /// File format.
     pub format: Format,
-    /// Samples of a pixel.
-    pub layout: PixelLayout,
-    /// Bits a sample: 8 or 16.
-    pub bits: u8,
+    /// Samples of a pixel, of 8 or 16 bits.
+    pub colour: ColorType,
     /// The transfer curve, undone on reading and redone on writing.
     pub tone: Tone,
     /// How the stored pixels are turned upright when written.
@@ -46,12 +44,11 @@ pub struct Manner {
 }
 
 impl Manner {
-    /// A plain RGB file without metadata.
+    /// A plain RGB file of 8 or 16 `bits` a sample, without metadata.
     pub fn plain(format: Format, bits: u8, curve: Curve) -> Manner {
         Manner {
             format,
-            layout: PixelLayout::Rgb,
-            bits,
+            colour: if bits > 8 { ColorType::Rgb16 } else { ColorType::Rgb8 },
             tone: Tone::of_curve(curve, bits),
             orientation: Orientation::NoTransforms,
             icc: None,
@@ -178,18 +175,18 @@ impl Photo {
             noise: raw.noise,
             ..RawSites::new(mosaic, raw.sites.counts_per_level())
         });
-        let (light, channels, layout) = match mosaic {
-            Some(mosaic) => (mosaic.interpolated(&light), Channels::Colour, PixelLayout::Rgb),
+        let (light, channels, colour) = match mosaic {
+            Some(mosaic) => (mosaic.interpolated(&light), Channels::Colour, ColorType::Rgb16),
             None => {
                 let [red, blue] = [(); 2].map(|()| Plane::zeros(raw.size));
                 let grey = Frame::from_planes([red, light, blue]);
-                (grey, Channels::Green, PixelLayout::Grey)
+                (grey, Channels::Green, ColorType::L16)
             }
         };
         let note =
             "a raw photo of a sensor without colour filters, which is restored as a grey one";
         // Viewers take a picture without a profile for sRGB.
-        let linear = || StatedColours::LINEAR.profile(layout.is_grey());
+        let linear = || StatedColours::LINEAR.profile(mosaic.is_none());
         Photo {
             name: name.to_owned(),
             light,
@@ -198,7 +195,7 @@ impl Photo {
             camera: raw.camera,
             channels,
             manner: Manner {
-                layout,
+                colour,
                 orientation: Orientation::from_exif(raw.orientation)
                     .unwrap_or(Orientation::NoTransforms),
                 icc: (curve == Curve::Linear).then(linear).flatten(),
@@ -228,7 +225,7 @@ impl Photo {
             // The result is upright.
             let _ = Orientation::remove_from_exif_chunk(exif);
         }
-        let Raster { content, layout, bits, orientation, icc, exif, coding, lost, .. } = raster;
+        let Raster { content, colour, orientation, icc, exif, coding, lost, .. } = raster;
         let format = content.written();
         let named = exif.as_deref().and_then(exif::camera);
         Photo {
@@ -238,17 +235,7 @@ impl Photo {
             coding,
             camera: named.map(|name| PhotoCamera { name, serial: None, setting: None }),
             channels: if is_grey { Channels::Green } else { Channels::Colour },
-            manner: Manner {
-                format,
-                layout,
-                bits,
-                tone,
-                orientation,
-                icc,
-                exif,
-                alpha,
-                colours: None,
-            },
+            manner: Manner { format, colour, tone, orientation, icc, exif, alpha, colours: None },
             stored: size,
             file,
             losses: lost.into_iter().map(Lost::note).collect(),
@@ -353,9 +340,10 @@ impl Raster {
     fn tone(&self, curve: Curve, notes: &mut Vec<String>) -> Tone {
         // A file that states sRGB's curve has it on a linear rig, too.
         let curve = if self.is_srgb { Curve::Srgb } else { curve };
-        let tone = Tone::of_curve(curve, self.bits);
+        let bits = bits_of(self.colour);
+        let tone = Tone::of_curve(curve, bits);
         let Some(icc) = &self.icc else { return tone };
-        Tone::of_profile(icc, self.bits, self.layout.is_grey()).unwrap_or_else(|why| {
+        Tone::of_profile(icc, bits, !self.colour.has_color()).unwrap_or_else(|why| {
             notes.push(format!(
                 "the embedded ICC profile was not used, {why}; {} was assumed",
                 tone.origin()
@@ -367,27 +355,27 @@ impl Raster {
     /// Whether every pixel is grey. Equal samples under a profile need not be.
     fn is_grey(&self) -> bool {
         let equal = |p: &[u16]| p[0] == p[1] && p[1] == p[2];
-        let mut pixels = self.samples.chunks_exact(self.layout.samples());
-        self.layout.is_grey() || (self.icc.is_none() && pixels.all(equal))
+        let mut pixels = self.samples.chunks_exact(self.step());
+        !self.colour.has_color() || (self.icc.is_none() && pixels.all(equal))
     }
 
     /// The samples at place `at` of each pixel.
     fn samples_at(&self, at: usize) -> impl Iterator<Item = u16> + '_ {
-        self.samples.iter().skip(at).step_by(self.layout.samples()).copied()
+        self.samples.iter().skip(at).step_by(self.step()).copied()
     }
 
     fn light(&self, tone: &Tone, channel: usize) -> Plane {
-        let at = if self.layout.is_grey() { 0 } else { channel };
+        let at = if self.colour.has_color() { channel } else { 0 };
         let light = self.samples_at(at).map(|code| tone.light(channel, code)).collect();
         Plane::from_vec(self.size, light).unwrap_or_else(|| Plane::zeros(self.size))
     }
 
     /// The alpha plane, 0..1.
     fn alpha(&self) -> Option<Plane> {
-        let top = if self.bits == 8 { 255.0 } else { 65535.0 };
-        self.layout.has_alpha().then(|| {
-            let last = self.layout.samples() - 1;
-            let alpha = self.samples_at(last).map(|alpha| f32::from(alpha) / top).collect();
+        let top = if bits_of(self.colour) == 8 { 255.0 } else { 65535.0 };
+        self.colour.has_alpha().then(|| {
+            let alpha =
+                self.samples_at(self.step() - 1).map(|alpha| f32::from(alpha) / top).collect();
             Plane::from_vec(self.size, alpha).unwrap_or_else(|| Plane::filled(self.size, 1.0))
         })
     }
@@ -399,9 +387,9 @@ impl Raster {
 /// When `bytes` are no whole JPEG, PNG or TIFF, which a test of the embedded pictures rules out.
 pub fn embedded(bytes: &'static [u8]) -> [Plane; 3] {
     let raster = decode(bytes, &Limits::default()).expect("embedded pictures decode");
-    let scale = if raster.bits == 8 { 1.0 } else { 1.0 / 257.0 };
+    let scale = if bits_of(raster.colour) == 8 { 1.0 } else { 1.0 / 257.0 };
     [0, 1, 2].map(|channel| {
-        let at = if raster.layout.is_grey() { 0 } else { channel };
+        let at = if raster.colour.has_color() { channel } else { 0 };
         let codes = raster.samples_at(at).map(|code| f32::from(code) * scale).collect();
         Plane::from_vec(raster.size, codes).unwrap_or_else(|| Plane::zeros(raster.size))
     })

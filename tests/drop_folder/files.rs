@@ -6,7 +6,7 @@ use image::ImageEncoder;
 use relens::config::{Curve, LargerPhotos};
 use relens::daemon::{Daemon, Folders, PhotoCounts, Report, State};
 use relens::frame::{Plane, Size};
-use relens::picture::{Format, Manner, Orientation, PixelLayout, encode};
+use relens::picture::{ColorType, Format, Manner, Orientation, encode};
 
 use crate::bed::*;
 
@@ -25,7 +25,8 @@ fn results_have_the_format_of_their_photos() {
         let summary = once(root);
         assert_eq!(summary.restored.len(), 1, "{name}: {:?}", summary.failed);
         let result = read_back(&root.join("outbox").join(name));
-        assert_eq!((result.manner.format, result.manner.bits), (format, bits), "{name}");
+        let depth = result.manner.colour.bits_per_pixel() / 3;
+        assert_eq!((result.manner.format, depth), (format, bits.into()), "{name}");
         let original = read_back(&root.join("done").join(name));
         let brighter = result.light.planes()[1].mean() - original.light.planes()[1].mean();
         assert!((brighter - 10.0).abs() < 1.0, "{name}: brighter by {brighter}");
@@ -50,7 +51,7 @@ fn a_raw_photo_is_delivered_developed() {
     let summary = once(root);
     assert_eq!(summary.restored.len(), 2, "{:?}", summary.failed);
     let result = read_back(&root.join("outbox/a.tif"));
-    assert_eq!((result.manner.format, result.manner.bits), (Format::Tiff, 16));
+    assert_eq!((result.manner.format, result.manner.colour), (Format::Tiff, ColorType::Rgb16));
     assert!(result.raw.is_none() && read_back(&root.join("done/a.dng")).raw.is_some());
     assert!(root.join("outbox/a.tif.json").is_file());
     let failed = format!("{:?}", summary.failed);
@@ -327,15 +328,15 @@ fn grey_photos_stay_grey_and_alpha_is_kept() {
     let root = fresh_root();
     let root = root.path();
     let mut manner = Manner::plain(Format::Png, 8, Curve::Srgb);
-    manner.layout = PixelLayout::Grey;
+    manner.colour = ColorType::L8;
     drop_in(root, "grey.png", &encode("g", &scene(RIG), &manner, true).unwrap());
-    manner.layout = PixelLayout::RgbAlpha;
+    manner.colour = ColorType::Rgba8;
     let alpha = Plane::from_fn(RIG, |x, _| x as f32 / 255.0);
     manner.alpha = Some(alpha.clone());
     drop_in(root, "alpha.png", &encode("a", &scene(RIG), &manner, false).unwrap());
     let summary = once(root);
     assert!(summary.restored.iter().any(|r| r.grey && r.photo == "grey.png"));
-    assert_eq!(read_back(&root.join("outbox/grey.png")).manner.layout, PixelLayout::Grey);
+    assert_eq!(read_back(&root.join("outbox/grey.png")).manner.colour, ColorType::L8);
     assert_eq!(read_back(&root.join("outbox/alpha.png")).manner.alpha, Some(alpha));
 }
 

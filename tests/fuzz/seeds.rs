@@ -16,7 +16,7 @@ use relens::config;
 use relens::deconvolution::lens_model::{Halo, LensFunctions};
 use relens::deconvolution::panel_beat::ColumnWave;
 use relens::frame::{Channel, Frame, Mosaic, Plane, Size, Work};
-use relens::picture::{Dng, Format, Limits, Manner, Photo, PixelLayout, RawTags, encode, worker};
+use relens::picture::{ColorType, Dng, Format, Limits, Manner, Photo, RawTags, encode, worker};
 
 /// Photos of each format, depth and layout, with and without a profile, and a raw photo.
 fn photos(folder: &Path) {
@@ -24,22 +24,22 @@ fn photos(folder: &Path) {
     let scene: Frame<Work> = Frame::from_fn(|c| {
         Plane::from_fn(Size::new(16, 12), |x, y| ((9 * x + 5 * y) % 200 + 20 * c.index()) as f32)
     });
-    for (n, (format, bits, layout, profile)) in [
-        (Format::Jpeg, 8, PixelLayout::Rgb, true),
-        (Format::Jpeg, 8, PixelLayout::Grey, false),
-        (Format::Png, 8, PixelLayout::Rgb, true),
-        (Format::Png, 16, PixelLayout::RgbAlpha, false),
-        (Format::Png, 8, PixelLayout::GreyAlpha, false),
-        (Format::Tiff, 8, PixelLayout::Grey, false),
-        (Format::Tiff, 16, PixelLayout::Rgb, true),
-        (Format::Tiff, 8, PixelLayout::RgbAlpha, false),
+    for (n, (format, bits, colour, profile)) in [
+        (Format::Jpeg, 8, ColorType::Rgb8, true),
+        (Format::Jpeg, 8, ColorType::L8, false),
+        (Format::Png, 8, ColorType::Rgb8, true),
+        (Format::Png, 16, ColorType::Rgba16, false),
+        (Format::Png, 8, ColorType::La8, false),
+        (Format::Tiff, 8, ColorType::L8, false),
+        (Format::Tiff, 16, ColorType::Rgb16, true),
+        (Format::Tiff, 8, ColorType::Rgba8, false),
     ]
     .into_iter()
     .enumerate()
     {
         let mut manner = Manner::plain(format, bits, config::Curve::Srgb);
-        (manner.layout, manner.icc) = (layout, profile.then(|| icc.clone()));
-        let bytes = encode("seed", &scene, &manner, layout.is_grey()).unwrap();
+        (manner.colour, manner.icc) = (colour, profile.then(|| icc.clone()));
+        let bytes = encode("seed", &scene, &manner, !colour.has_color()).unwrap();
         Photo::from_bytes("seed", &bytes, config::Curve::Srgb, &Limits::default()).unwrap();
         fs::write(folder.join(format!("{n}.{}", format.extension())), bytes).unwrap();
     }

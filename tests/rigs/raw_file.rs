@@ -7,7 +7,7 @@ use relens::chart::scenes::cut;
 use relens::config::{self, Curve};
 use relens::deconvolution::quality::{psnr, ssim};
 use relens::frame::{Channel, Frame, Work};
-use relens::picture::{Format, Limits, Photo, PhotoCamera, RigSetting};
+use relens::picture::{ColorType, Format, Limits, Photo, PhotoCamera, RigSetting};
 use relens::rig::simulated;
 use relens::{Outcome, Rig, Verdict};
 
@@ -154,7 +154,10 @@ fn a_raw_photo_is_restored_by_its_own_rig_alone_and_written_without_loss() {
     let bytes = photo.with_picture(&outcome.picture, Format::Tiff).unwrap();
     let back = Photo::from_bytes("x.tif", &bytes, Curve::Srgb, &Limits::default()).unwrap();
     let written = score(&back.light, &truth);
-    assert!(back.manner.bits == 16 && written[1] > sites[1] - 0.05, "{written:?} {sites:?}");
+    assert!(
+        back.manner.colour == ColorType::Rgb16 && written[1] > sites[1] - 0.05,
+        "{written:?} {sites:?}"
+    );
 
     // The file has the whole sensor, and a mean of more exposures is restored too.
     let more = ["--frames", "4", "--exposure", "auto"];

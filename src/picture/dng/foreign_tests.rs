@@ -6,7 +6,7 @@ use super::*;
 use crate::config::{Curve, RawResults};
 use crate::frame::{Channel, Frame, Work};
 use crate::picture::tiff::EXIF_DIRECTORY;
-use crate::picture::{Format, Limits, Photo, ReadOptions};
+use crate::picture::{ColorType, Format, Limits, Photo, ReadOptions};
 
 const ASCII: u16 = 2;
 const SHORT: u16 = 3;
@@ -147,7 +147,7 @@ fn a_raspberry_pi_s_raw_photo_is_read_with_its_colours() {
     let balanced = [30.0 * GAINS[0], 90.0 * GAINS[1], 40.0 * GAINS[2]];
     let written = photo.with_picture(&seen, Format::Tiff).unwrap();
     let back = Photo::from_bytes("a.tif", &written, Curve::Srgb, &Limits::default()).unwrap();
-    assert_eq!((back.manner.bits, back.manner.tone.origin()), (16, "ICC profile"));
+    assert_eq!((back.manner.colour, back.manner.tone.origin()), (ColorType::Rgb16, "ICC profile"));
     for (c, row) in Channel::ALL.into_iter().zip(TO_SRGB.chunks_exact(3)) {
         let wanted: f64 = row.iter().zip(balanced).map(|(share, light)| share * light).sum();
         let found = f64::from(back.light.plane(c).at(3, 3));
@@ -163,7 +163,7 @@ fn a_raw_photo_s_result_has_the_rig_file_s_format() {
         let bytes = photo.with_picture(&photo.light, photo.manner.format).unwrap();
         let back = Photo::from_bytes("a", &bytes, Curve::Srgb, &Limits::default()).unwrap();
         assert_eq!(back.light.size(), SIZE);
-        (back.manner.format, back.manner.bits)
+        (back.manner.format, back.manner.colour)
     });
-    assert_eq!(formats, [(Format::Tiff, 16), (Format::Jpeg, 8)]);
+    assert_eq!(formats, [(Format::Tiff, ColorType::Rgb16), (Format::Jpeg, ColorType::Rgb8)]);
 }

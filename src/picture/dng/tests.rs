@@ -4,7 +4,7 @@ use super::*;
 use crate::config::Curve;
 use crate::frame::{Channel, Channels, Frame, Work};
 use crate::picture::tiff::LETTERS_MAX;
-use crate::picture::{Format, Growth, Limits, Photo, PictureError};
+use crate::picture::{ColorType, Format, Growth, Limits, Photo, PictureError};
 
 pub(super) const SIZE: Size = Size { width: 42, height: 30 };
 
@@ -157,7 +157,7 @@ fn written_sites_are_read_back() {
             let pairs = photo.light.plane(c).data().iter().zip(wanted.plane(c).data());
             assert!(pairs.into_iter().all(|(a, b)| (a - b).abs() < 1e-3), "{mosaic:?} {c:?}");
         }
-        assert_eq!((photo.manner.format, photo.manner.bits), (Format::Tiff, 16));
+        assert_eq!((photo.manner.format, photo.manner.colour), (Format::Tiff, ColorType::Rgb16));
         let back = photo.with_picture(&photo.light, Format::Tiff).unwrap();
         let back = Photo::from_bytes("a.tif", &back, Curve::Srgb, &Limits::default()).unwrap();
         assert!(back.raw.is_none() && back.light.size() == SIZE);
@@ -327,7 +327,7 @@ fn a_sensor_without_filters_gives_a_grey_photo() {
             assert!(close(&photo.light.plane(Channel::Green).map(|v: f32| v.max(0.0)), 1e-3));
             // The result has its own curve's profile, and is resampled as any grey photo.
             let back = read(&photo.with_picture(&photo.light, Format::Tiff).unwrap());
-            assert_eq!((back.channels, back.manner.bits), (Channels::Green, 16));
+            assert_eq!((back.channels, back.manner.colour), (Channels::Green, ColorType::L16));
             assert!(close(back.light.plane(Channel::Green), 0.05), "{curve:?}");
             assert!(photo.fit(Size::new(21, 15)).is_ok());
         }

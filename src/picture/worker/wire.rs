@@ -8,6 +8,7 @@ use std::io::{self, Read, Write};
 
 use serde::{Deserialize, Serialize};
 
+use super::super::decode::bits_of;
 use super::super::flaw::Growth;
 use super::super::{Limits, Photo};
 use crate::config::Curve;
@@ -174,7 +175,7 @@ impl Header<Box<Photo>> {
     /// Checks all that is not checked on reading the planes.
     fn validate(&self, allowed: Size) -> Result<(), &'static str> {
         let Photo { manner, raw, channels, .. } = &*self.photo;
-        let steps = match manner.bits {
+        let steps = match bits_of(manner.colour) {
             8 => 256,
             16 => 65536,
             _ => return Err("samples of another depth"),
