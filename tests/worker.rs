@@ -11,13 +11,11 @@ use std::path::{Path, PathBuf};
 use std::time::UNIX_EPOCH;
 
 use relens::config::Curve;
-use relens::daemon::{
-    Daemon, DaemonSetting, Folders, JobStep, Progress, Reader, Restorer, Watcher,
-};
+use relens::daemon::{Daemon, DaemonSetting, Folders, JobStep, Progress, Restorer, Watcher};
 use relens::frame::{Frame, Mosaic, Plane, Size, Work};
 use relens::picture::worker::Worker;
 use relens::picture::{
-    ColorType, Dng, Format, Limits, Manner, Photo, PictureError, RawTags, encode,
+    ColorType, Dng, Format, Limits, Manner, Photo, PictureError, RawTags, ReadOptions, encode,
 };
 use relens::pipeline::Outcome;
 use relens::remedy::{AnyFailure, Remedy};
@@ -44,7 +42,7 @@ fn kept(folder: &Path, name: &str, bytes: &[u8]) -> PathBuf {
 
 fn read(worker: &Worker, path: &Path) -> Result<Photo, PictureError> {
     let name = path.file_name().unwrap().to_string_lossy().into_owned();
-    worker.photo(&name, File::open(path).unwrap(), Curve::Srgb, &Limits::default(), RIG)
+    worker.photo(&name, File::open(path).unwrap(), &ReadOptions::new(RIG, Curve::Srgb))
 }
 
 /// A grey JPEG of 6400×4800 pixels in 0.4 MB, made without room for them.
@@ -179,10 +177,8 @@ fn a_file_can_kill_its_worker_and_no_more() {
     std::fs::create_dir_all(root.join("inbox")).unwrap();
     kept(&root, "inbox/a-bomb.jpg", &bomb());
     kept(&root, "inbox/b-good.png", &picture(&Manner::plain(Format::Png, 8, Curve::Srgb), RIG));
-    let setting = DaemonSetting {
-        reader: Reader::Worker(small),
-        ..DaemonSetting::new("test", RIG, Curve::Srgb)
-    };
+    let setting =
+        DaemonSetting { worker: Some(small), ..DaemonSetting::new("test", RIG, Curve::Srgb) };
     let (mut restorer, mut watcher) = (Returner, Attempts(root.join("working"), vec![]));
     let calendar = || UNIX_EPOCH;
     let folders = Folders::open(&root).unwrap();

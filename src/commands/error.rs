@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use relens::calibration::store::StoreError;
 use relens::chart::test_rig::TestRigError;
 use relens::config::ConfigError;
-use relens::daemon::{DaemonError, FolderError};
+use relens::daemon::DaemonError;
 use relens::disk::FileError;
 use relens::picture::PictureError;
 use relens::pipeline::PipelineError;
@@ -137,7 +137,7 @@ macro_rules! failures {
 }
 
 failures! {
-    AnyFailure DaemonError FileError FolderError OperatingPointError PictureError PipelineError
+    AnyFailure DaemonError FileError OperatingPointError PictureError PipelineError
     RigError StoreError TestRigError
 }
 

@@ -9,8 +9,8 @@ use clap::{Args, ValueHint};
 use relens::config::{self, Mode, RigFile};
 use relens::daemon::service::Supervised;
 use relens::daemon::{
-    Attended, Daemon, DaemonSetting, Doing, Folders, Nightly, Reader, Restorer, Schedule, State,
-    Summary, Times, interruption,
+    Attended, Daemon, DaemonSetting, Doing, Folders, Nightly, Restorer, Schedule, State, Summary,
+    Times, interruption,
 };
 use relens::frame::{Frame, Work};
 use relens::kiosk::front_panel::{BoxState, FrontPanel};
@@ -238,10 +238,9 @@ pub(super) fn empty_inbox(
 }
 
 fn setting(rig: &RigFile) -> DaemonSetting {
-    let reader = Reader::Worker(Worker::of_this_program());
     let floor_bytes = (rig.disk.floor_mib * f64::from(1 << 20)) as u64;
     DaemonSetting {
-        reader,
+        worker: Some(Worker::of_this_program()),
         floor_bytes,
         needs_button: rig.run.mode != Mode::Folder,
         reading: ReadOptions::of(rig),

@@ -1,7 +1,8 @@
 //! Errors that hold the whole daemon, in the drop folder or the rig.
 
-use super::store::error::FolderError;
-use crate::disk::FileError;
+use std::path::PathBuf;
+
+use crate::disk::{FREE_SPACE, FileError};
 use crate::remedy::{AnyFailure, Remediable, Remedy, full_message};
 
 /// Why work is held.
@@ -9,7 +10,21 @@ use crate::remedy::{AnyFailure, Remediable, Remedy, full_message};
 #[allow(missing_docs)] // The sentences describe them.
 pub enum DaemonError {
     #[error(transparent)]
-    Store(#[from] FolderError),
+    Files(#[from] FileError),
+    #[error(
+        "the folder {path} is in use by another relens; stop that one first (the service: \
+         systemctl stop relens)"
+    )]
+    InUse { path: PathBuf },
+    /// The disk is nearly full; photos wait for space.
+    #[error(
+        "the disk of {path} is nearly full: found {found_mib} MiB free, needed {floor_mib}; remove \
+         files, work then continues by itself"
+    )]
+    Full { path: PathBuf, found_mib: u64, floor_mib: u64 },
+    /// One of the five folders is inside another: photos would circulate endlessly.
+    #[error("the folder {inner} is inside {outer}; the five folders must be separate")]
+    Nested { inner: PathBuf, outer: PathBuf },
     /// The rig failed, and repeating or repairing has not helped.
     #[error("the operator is needed: {}{}", prefix(photo.as_deref()), full_message(&**failure))]
     Rig { photo: Option<String>, failure: AnyFailure },
@@ -19,19 +34,7 @@ pub enum DaemonError {
     #[error("the operator is needed: the rig has drifted{}: {complaint}", again(*.calibrations))]
     Drifted { complaint: String, calibrations: u32 },
     #[error("the operator is needed: {cause} cannot be calibrated: {}", full_message(&**failure))]
-    Calibration { cause: CalibrationCause, failure: AnyFailure },
-}
-
-/// What made a calibration necessary.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[allow(missing_docs)] // The sentences describe them.
-pub enum CalibrationCause {
-    #[error("the rig")]
-    Photo,
-    #[error("the rig has drifted ({0}) and")]
-    Drifted(String),
-    #[error("the panel was moved ({0}) and")]
-    PanelMoved(String),
+    Calibration { cause: String, failure: AnyFailure },
 }
 
 fn prefix(photo: Option<&str>) -> String {
@@ -42,16 +45,17 @@ fn again(calibrations: u32) -> &'static str {
     if calibrations > 0 { " again and again" } else { "" }
 }
 
-impl From<FileError> for DaemonError {
-    fn from(error: FileError) -> DaemonError {
-        DaemonError::Store(error.into())
+impl DaemonError {
+    pub(super) fn of_rig(failure: AnyFailure) -> DaemonError {
+        DaemonError::Rig { photo: None, failure }
     }
 }
 
 impl Remediable for DaemonError {
     fn remedy(&self) -> Remedy {
         match self {
-            DaemonError::Store(error) => error.remedy(),
+            DaemonError::Files(error) => error.remedy(),
+            DaemonError::Full { .. } => Remedy::RetryLater,
             _ => Remedy::CallOperator,
         }
     }
@@ -62,7 +66,10 @@ impl Remediable for DaemonError {
 
     fn what_to_do(&self) -> &'static str {
         match self {
-            DaemonError::Store(error) => error.what_to_do(),
+            DaemonError::Files(error) => error.what_to_do(),
+            DaemonError::InUse { .. } => "Stop the other relens.",
+            DaemonError::Full { .. } => FREE_SPACE,
+            DaemonError::Nested { .. } => "Move the folders apart.",
             DaemonError::Rig { failure, .. } | DaemonError::NotTaken { failure } => {
                 failure.what_to_do()
             }

@@ -4,7 +4,7 @@ use std::io::ErrorKind;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 
-use super::error::{CalibrationCause, DaemonError};
+use super::error::DaemonError;
 use super::setting::DaemonSetting;
 use super::store::claim::{Claim, Claimed, JobStep, claim};
 use super::store::deliver::{Delivery, Encoded};
@@ -14,7 +14,6 @@ use super::store::recover::settle;
 use super::store::report_file::{Delivered, Failed, Report};
 use super::watcher::Watcher;
 use crate::disk::{FileError, FileKind, Metadata};
-use crate::frame::Size;
 use crate::picture::{Growth, Photo, PictureError};
 use crate::pipeline::Outcome;
 use crate::remedy::{AnyFailure, Remediable, Remedy, full_message};
@@ -64,10 +63,8 @@ enum JobError {
     Interrupted { photo: String, attempts: u32 },
     #[error("{}; found {ATTEMPTS_MAX} such attempts, allowed {ATTEMPTS_MAX}", full_message(.0))]
     WorkerDied(PictureError),
-    #[error("{photo}: internal error: the result has {found} pixels, expected {allowed}")]
-    WrongSize { photo: String, found: Size, allowed: Size },
-    #[error("{photo}: internal error: the restoration panicked")]
-    Panicked { photo: String },
+    #[error("{photo}: internal error: {what}")]
+    Internal { photo: String, what: String },
     #[error("{}", with_name(photo, full_message(&**failure)))]
     Rig { photo: String, failure: AnyFailure },
     #[error("{}: {}", describe_repair(&**failure), full_message(&**failure))]
@@ -96,10 +93,9 @@ impl Remediable for JobError {
             JobError::Growing(_) | JobError::Changed { .. } | JobError::NotDurable(_) => {
                 Remedy::RetryLater
             }
-            JobError::Interrupted { .. }
-            | JobError::WorkerDied(_)
-            | JobError::WrongSize { .. }
-            | JobError::Panicked { .. } => Remedy::SkipPhoto,
+            JobError::Interrupted { .. } | JobError::WorkerDied(_) | JobError::Internal { .. } => {
+                Remedy::SkipPhoto
+            }
             JobError::Rig { failure, .. } => failure.remedy(),
             JobError::Repair { failure, .. } if failure.was_asked_for() => Remedy::RetryLater,
             JobError::Repair { .. } => Remedy::CallOperator,
@@ -114,10 +110,10 @@ impl From<JobError> for DaemonError {
             JobError::Files(error) => error.into(),
             JobError::Rig { photo, failure } => DaemonError::Rig { photo: Some(photo), failure },
             JobError::Repair { remedy: Remedy::Recalibrate, failure } => {
-                DaemonError::Calibration { cause: CalibrationCause::Photo, failure }
+                DaemonError::Calibration { cause: "the rig".to_owned(), failure }
             }
-            JobError::Repair { failure, .. } => DaemonError::Rig { photo: None, failure },
-            error => DaemonError::Rig { photo: None, failure: Box::new(error) },
+            JobError::Repair { failure, .. } => DaemonError::of_rig(failure),
+            error => DaemonError::of_rig(Box::new(error)),
         }
     }
 }
@@ -288,9 +284,7 @@ impl Job<'_> {
         let before = files.metadata(path).ok();
         let opened = files.raw().open(path);
         let opened = opened.map_err(|source| PictureError::Read { path: (&name).into(), source });
-        let read =
-            opened.and_then(|file| self.setting.reader.photo(&name, file, &self.setting.reading));
-        let error = match read {
+        let error = match opened.and_then(|file| self.setting.photo(&name, file)) {
             Ok(read) => return Ok(read),
             Err(error) => error,
         };
@@ -348,18 +342,16 @@ impl Job<'_> {
             on_progress(progress);
         };
         let restored = catch_unwind(AssertUnwindSafe(|| restorer.restore(photo, &mut report)));
-        match restored {
+        let what = match restored {
             Ok(Ok(restored)) if restored.picture.size() != photo.light.size() => {
                 let (found, allowed) = (restored.picture.size(), photo.light.size());
-                let error = JobError::WrongSize { photo: photo.name.clone(), found, allowed };
-                log::error!("{error}");
-                Err(error)
+                format!("the result has {found} pixels, expected {allowed}")
             }
-            Ok(restored) => Ok(restored),
-            Err(_) => {
-                log::error!("{}: the restoration panicked", photo.name);
-                Err(JobError::Panicked { photo: photo.name.clone() })
-            }
-        }
+            Ok(restored) => return Ok(restored),
+            Err(_) => "the restoration panicked".to_owned(),
+        };
+        let error = JobError::Internal { photo: photo.name.clone(), what };
+        log::error!("{error}");
+        Err(error)
     }
 }

@@ -140,7 +140,7 @@ impl<'a> Daemon<'a> {
             // One sentence, whichever operation met a missing folder.
             let away = passed.as_ref().err().and_then(|_| self.folders.check_space(0).err());
             let held_s = if away.is_some() { MISSING_POLL_S } else { self.setting.retry_s };
-            let passed = passed.map_err(|error| away.map_or(error, DaemonError::from));
+            let passed = passed.map_err(|error| away.unwrap_or(error));
             if stop() && passed.as_ref().is_err_and(|error| error.was_asked_for()) {
                 break;
             }
@@ -331,8 +331,7 @@ impl<'a> Daemon<'a> {
                 Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
                 opened => opened?,
             };
-            let limits = setting.reading.limits.on(setting.reading.grid);
-            match setting.reader.check_complete(&flat_name(path).to_string_lossy(), file, &limits) {
+            match setting.check_complete(&flat_name(path).to_string_lossy(), file) {
                 Err(PictureError::Read { source, .. }) => Err(FileError::at("read", &full)(source)),
                 Err(flaw) if flaw.growth() == Growth::Likely => Ok(Some(full_message(&flaw))),
                 Err(flaw) if flaw.is_final() => {

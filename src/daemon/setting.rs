@@ -1,10 +1,11 @@
 //! Settings of the daemon.
 
+use std::fs::File;
+
 use crate::config::Curve;
 use crate::frame::PhotoGrid;
-use crate::picture::ReadOptions;
-
-use super::reader::Reader;
+use crate::picture::worker::Worker;
+use crate::picture::{Photo, PictureError, ReadOptions, whole};
 
 /// Settings of the daemon.
 #[derive(Debug, Clone)]
@@ -21,8 +22,8 @@ pub struct DaemonSetting {
     pub poll_s: f64,
     /// Whether events of the inbox make the next scan come sooner.
     pub hints: bool,
-    /// Where photos are decoded.
-    pub reader: Reader,
+    /// Decodes each photo in a process of its own; without it, in this one: trusted files.
+    pub worker: Option<Worker>,
     /// Time without a change after which an incomplete photo is rejected.
     pub unfinished_s: f64,
     /// Free bytes always kept on the disk.
@@ -41,13 +42,30 @@ impl DaemonSetting {
             rig: rig.to_owned(),
             needs_button: false,
             reading: ReadOptions::new(grid, curve),
-            reader: Reader::Here,
+            worker: None,
             unfinished_s: 900.0,
             floor_bytes: 256 << 20,
             quiet_s,
             poll_s,
             hints: true,
             retry_s,
+        }
+    }
+
+    /// Checks that `file`, called `name`, is complete and of a kind that is read.
+    pub(super) fn check_complete(&self, name: &str, file: File) -> Result<(), PictureError> {
+        let limits = self.reading.limits.on(self.reading.grid);
+        match &self.worker {
+            None => whole(name, file, &limits),
+            Some(worker) => worker.whole(name, file, &limits),
+        }
+    }
+
+    /// Decodes `file`, called `name`, onto the rig's grid.
+    pub(super) fn photo(&self, name: &str, file: File) -> Result<Photo, PictureError> {
+        match &self.worker {
+            None => self.reading.photo_of_file(name, file),
+            Some(worker) => worker.photo(name, file, &self.reading),
         }
     }
 }

@@ -24,6 +24,10 @@ const GONE: [Errno; 8] = [
     Errno::NETUNREACH,
 ];
 
+/// The advice on a full disk.
+pub(crate) const FREE_SPACE: &str =
+    "Free some disk space: move results out of the outbox and originals out of done.";
+
 /// A failed file operation.
 #[derive(Debug, thiserror::Error)]
 #[error("cannot {what} {path}")]
@@ -130,9 +134,7 @@ impl Remediable for FileError {
 
     fn what_to_do(&self) -> &'static str {
         match self.kind() {
-            ErrorKind::StorageFull => {
-                "Free some disk space: move results out of the outbox and originals out of done."
-            }
+            ErrorKind::StorageFull => FREE_SPACE,
             ErrorKind::PermissionDenied | ErrorKind::ReadOnlyFilesystem => {
                 "Check the disk: relens may not write to it."
             }

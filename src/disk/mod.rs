@@ -20,6 +20,7 @@ use std::fs::File;
 use std::io::{self, Read};
 use std::path::Path;
 
+pub(crate) use error::FREE_SPACE;
 pub use error::FileError;
 pub use files::Files;
 pub use local::LocalDisk;

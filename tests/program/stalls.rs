@@ -14,7 +14,7 @@ use std::time::{Duration, Instant, SystemTime};
 use relens::config::{Curve, Mode};
 use relens::daemon::service::{ServiceManager, Supervised};
 use relens::daemon::{
-    Attended, Daemon, DaemonSetting, Folders, Progress, Question, Reader, Restorer, Schedule, Turn,
+    Attended, Daemon, DaemonSetting, Folders, Progress, Question, Restorer, Schedule, Turn,
 };
 use relens::disk::{Disk, FileKind, LocalDisk, Metadata, Unsynced};
 use relens::frame::{Frame, Plane, Size, Work};
@@ -304,12 +304,12 @@ fn a_hanging_worker_is_killed_and_its_photo_has_a_reason() {
     let program = root.join("hangs");
     std::fs::write(&program, "#!/bin/sh\nexec sleep 100\n").unwrap();
     std::fs::set_permissions(&program, PermissionsExt::from_mode(0o755)).unwrap();
-    let reader = Reader::Worker(Worker { wall_s_max: 1, ..Worker::of(program) });
+    let worker = Some(Worker { wall_s_max: 1, ..Worker::of(program) });
     let gate = Gate::default();
     let mut rig = Rig { place: Place::Restore, gate, mended: false };
     let (clock, mut watcher) = (Wall(Instant::now()), ());
     let folders = Folders::open(root).unwrap();
-    let setting = DaemonSetting { reader, ..setting() };
+    let setting = DaemonSetting { worker, ..setting() };
     let mut daemon =
         Daemon::open(folders, setting, &mut rig, &clock, &SystemTime::now, &mut watcher).unwrap();
     let summary = daemon.once(&|| false).unwrap();

@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::SystemTime;
 
 use super::before_box::BeforeBox;
-use super::shooting::{ShootTurn, Shooting};
+use super::shooting::Shooting;
 use super::{Event, Question, Schedule, Turn};
 use crate::config::{Mode, Nights};
 use crate::daemon::job::JobEnd;
@@ -29,6 +29,10 @@ const STALLED_S: f64 = 30.0;
 
 /// Appended to what to do in trouble.
 const TRY_AGAIN: &str = "Press the button to try again at once.";
+
+/// Reason to hold photos whose panel was not brought.
+const POSTPONED: &str =
+    "the photos are postponed until the next photo: press the button to take it";
 
 /// The last photo, for the panel.
 struct LastResult {
@@ -143,7 +147,7 @@ impl<'a> Attended<'a> {
         }
         let words = self.maintenance.clone()?;
         self.before.show(Screen::Maintenance { words }, BoxState::Maintenance, rig);
-        Some(Turn::Hold { reason: "maintenance".to_owned(), awaited: Awaited::Rig, until: None })
+        Some(Turn::hold(Awaited::Rig, "maintenance", None))
     }
 
     /// The last result while it is recent, else `other`.
@@ -177,8 +181,7 @@ impl<'a> Attended<'a> {
         let others = self.incomplete.clone();
         let screen = self.recent_result(&hint, Screen::Waiting { photos, others });
         self.before.show(screen, BoxState::Waiting, rig);
-        let reason = "press the button to restore the photos".to_owned();
-        Turn::Hold { reason, awaited: Awaited::Button, until: None }
+        Turn::hold(Awaited::Button, "press the button to restore the photos", None)
     }
 
     /// Shows an idle box; `postponed` photos wait for the panel.
@@ -233,16 +236,13 @@ impl Schedule for Attended<'_> {
         }
         if let Some(shooting) = &mut self.shooting {
             match shooting.turn(asked, &mut self.before, rig) {
-                ShootTurn::Photos => {}
-                ShootTurn::Aim => {
+                Ok(true) => {}
+                Ok(false) => {
                     self.be_ready(waiting, rig);
                     // A user who brings the panel now and cannot see it must know what to do.
-                    let reason =
-                        "the photos are postponed until the next photo: press the button to take it"
-                            .to_owned();
-                    return Turn::Hold { reason, awaited: Awaited::Panel, until: None };
+                    return Turn::hold(Awaited::Panel, POSTPONED, None);
                 }
-                ShootTurn::Other(turn) => return turn,
+                Err(turn) => return turn,
             }
         }
         if !is_ready {

@@ -30,6 +30,19 @@ pub enum Turn {
     Stop,
 }
 
+impl Turn {
+    fn hold(awaited: Awaited, reason: impl Into<String>, until: Option<Moment>) -> Turn {
+        Turn::Hold { reason: reason.into(), awaited, until }
+    }
+}
+
+/// The operator is needed.
+impl From<DaemonError> for Turn {
+    fn from(error: DaemonError) -> Turn {
+        Turn::Help(error)
+    }
+}
+
 /// A question to a schedule.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Question {

@@ -15,7 +15,7 @@ use std::time::SystemTime;
 
 use super::{Event, Question, Schedule, Turn};
 use crate::config::Nights;
-use crate::daemon::error::{CalibrationCause, DaemonError};
+use crate::daemon::error::DaemonError;
 use crate::daemon::job::JobEnd;
 use crate::daemon::store::folders::Folders;
 use crate::daemon::store::night_record::NightRecord;
@@ -25,7 +25,7 @@ use crate::nights::pilot::Drift;
 use crate::nights::trust::{Calendar, Trust, unix_s};
 use crate::nights::warm_up::{WARM_UP_MAX_MIN, WarmUp, Warmth};
 use crate::nights::window::{Hours, Window};
-use crate::remedy::{AnyFailure, Remedy, full_message};
+use crate::remedy::{Remedy, full_message};
 use crate::restorer::Restorer;
 use crate::rig::{Clock, Moment};
 
@@ -93,13 +93,12 @@ pub struct Nightly<'a> {
     lull_since: Option<Moment>,
 }
 
-/// Holds photos within the hours, for `reason`.
-fn hold(awaited: Awaited, reason: &str, until: Option<Moment>) -> Option<Turn> {
-    Some(Turn::Hold { reason: reason.to_owned(), awaited, until })
-}
+/// Whether photos may be restored, or what to do instead.
+type MayRestore = Result<(), Turn>;
 
-fn help(failure: AnyFailure) -> Option<Turn> {
-    Some(Turn::Help(DaemonError::Rig { photo: None, failure }))
+/// Holds photos for `reason`.
+fn hold(awaited: Awaited, reason: &str, until: Option<Moment>) -> MayRestore {
+    Err(Turn::hold(awaited, reason, until))
 }
 
 impl<'a> Nightly<'a> {
@@ -135,8 +134,8 @@ impl<'a> Nightly<'a> {
         }
     }
 
-    /// Begins or ends the night by the hours; `None` when photos may be restored at this hour.
-    fn hours(&mut self, rig: &mut dyn Restorer) -> Option<Turn> {
+    /// Begins or ends the night by the hours.
+    fn hours(&mut self, rig: &mut dyn Restorer) -> MayRestore {
         let (now, unix_s) = (self.now(), self.times.unix_s());
         let unknown = match self.calendar.judge(unix_s, now.0, (self.times.is_set)()) {
             Trust::Trusted(jumped_s) => {
@@ -160,15 +159,13 @@ impl<'a> Nightly<'a> {
         match self.window.at(unix_s) {
             Hours::Closed { opens_in_s, words } => {
                 self.is_over = false;
-                let until = Some(Moment(now.0 + opens_in_s));
-                let awaited = Awaited::Window;
-                self.end(rig).or(Some(Turn::Hold { reason: words, awaited, until }))
+                self.end(rig)?;
+                hold(Awaited::Window, &words, Some(Moment(now.0 + opens_in_s)))
             }
             Hours::Open { .. } if self.is_over || over => {
                 self.is_over = true;
-                let turn = self.end(rig);
-                let reason = "the night is over, though the clock was set back";
-                turn.or_else(|| hold(Awaited::Window, reason, None))
+                self.end(rig)?;
+                hold(Awaited::Window, "the night is over, though the clock was set back", None)
             }
             Hours::Open { remaining_s } => {
                 if self.night.is_none() {
@@ -182,32 +179,31 @@ impl<'a> Nightly<'a> {
                     });
                     self.is_cancelled = false;
                 }
-                None
+                Ok(())
             }
         }
     }
 
     /// Ends the night with a last pilot.
-    fn end(&mut self, rig: &mut dyn Restorer) -> Option<Turn> {
-        let night = self.night.take()?;
+    fn end(&mut self, rig: &mut dyn Restorer) -> MayRestore {
+        let Some(night) = self.night.take() else { return Ok(()) };
         log::info!("the night is over: {} photos since the last pilot", night.photos);
         let proven = self.record.unproven.is_empty() || night.warm_up.is_some();
-        let turn = if proven { None } else { self.prove(rig) };
+        let end = if proven { Ok(()) } else { self.prove(rig) };
         self.save();
-        turn
+        end
     }
 
-    /// Shows a pilot and acts on it; `None` when photos may be restored.
-    fn prove(&mut self, rig: &mut dyn Restorer) -> Option<Turn> {
-        match rig.pilot() {
-            Ok(Some(drift)) => self.judge(drift, rig),
+    /// Shows a pilot and acts on it.
+    fn prove(&mut self, rig: &mut dyn Restorer) -> MayRestore {
+        match rig.pilot().map_err(DaemonError::of_rig)? {
+            Some(drift) => self.judge(drift, rig),
             // A rig without pilots.
-            Ok(None) => self.good(),
-            Err(failure) => help(failure),
+            None => self.good(),
         }
     }
 
-    fn judge(&mut self, drift: Drift, rig: &mut dyn Restorer) -> Option<Turn> {
+    fn judge(&mut self, drift: Drift, rig: &mut dyn Restorer) -> MayRestore {
         let Some(complaint) = drift.complaint() else {
             log::debug!("pilot: {drift:?}");
             self.calibrations = 0;
@@ -220,7 +216,7 @@ impl<'a> Nightly<'a> {
         self.save();
         let calibrations = self.calibrations;
         if !self.nights.recalibrate || calibrations >= CALIBRATIONS_MAX {
-            return Some(Turn::Help(DaemonError::Drifted { complaint, calibrations }));
+            return Err(DaemonError::Drifted { complaint, calibrations }.into());
         }
         self.calibrations += 1;
         log::warn!("the rig has drifted: {complaint}; calibrating");
@@ -231,69 +227,64 @@ impl<'a> Nightly<'a> {
                 self.calibrations -= 1;
                 return hold(Awaited::Button, CANCELLED, None);
             }
-            let cause = CalibrationCause::Drifted(complaint);
-            return Some(Turn::Help(DaemonError::Calibration { cause, failure }));
+            let cause = format!("the rig has drifted ({complaint}) and");
+            return Err(DaemonError::Calibration { cause, failure }.into());
         }
         self.prove(rig)
     }
 
     /// After a good pilot: photos since the last one are proven, unless a pilot in between was past
     /// a limit.
-    fn good(&mut self) -> Option<Turn> {
+    fn good(&mut self) -> MayRestore {
         if let Some(night) = &mut self.night {
             (night.photos, night.drifted) = (0, false);
         }
         if self.record.unproven.is_empty() {
-            return None;
+            return Ok(());
         }
-        let again = self.record.must_repeat.then(|| Turn::Again(self.record.unproven.clone()));
-        match &again {
-            Some(_) => self.record.is_withdrawing = true,
-            None => self.record.unproven.clear(),
+        if self.record.must_repeat {
+            self.record.is_withdrawing = true;
+            self.save();
+            return Err(Turn::Again(self.record.unproven.clone()));
         }
+        self.record.unproven.clear();
         self.save();
-        again
+        Ok(())
     }
 
     /// Continues a withdrawal until it is complete.
-    fn continue_withdrawal(&mut self) -> Option<Turn> {
+    fn continue_withdrawal(&mut self) -> MayRestore {
         if !self.record.is_withdrawing {
-            return None;
+            return Ok(());
         }
         let mut remaining = self.record.unproven.clone();
         remaining.retain(|photo| is_in_place(&self.folders, photo));
         if !remaining.is_empty() {
-            return Some(Turn::Again(remaining));
+            return Err(Turn::Again(remaining));
         }
         self.record = NightRecord::default();
         self.save();
-        None
+        Ok(())
     }
 
-    /// Waits for the rig to become steady; `None` when it is.
-    fn warm_up(&mut self, rig: &mut dyn Restorer) -> Option<Turn> {
+    /// Waits for the rig to become steady.
+    fn warm_up(&mut self, rig: &mut dyn Restorer) -> MayRestore {
         const REASON: &str = "the rig is warming up";
         let now = self.now();
-        let night = self.night.as_ref()?;
-        night.warm_up.as_ref()?;
-        if now.0 < night.next_pilot.0 {
-            let until = Some(night.next_pilot);
-            return hold(Awaited::Rig, REASON, until);
+        let Some(Night { warm_up: Some(_), next_pilot, .. }) = self.night else { return Ok(()) };
+        if now.0 < next_pilot.0 {
+            return hold(Awaited::Rig, REASON, Some(next_pilot));
         }
-        let drift = match rig.pilot() {
-            Ok(Some(drift)) => drift,
-            Ok(None) => {
-                self.night.as_mut()?.warm_up = None;
-                return self.good();
-            }
-            Err(failure) => return help(failure),
+        let drift = rig.pilot().map_err(DaemonError::of_rig)?;
+        let Some(night) = &mut self.night else { return Ok(()) };
+        let (Some(drift), Some(warm_up)) = (drift, &mut night.warm_up) else {
+            night.warm_up = None;
+            return self.good();
         };
-        let night = self.night.as_mut()?;
-        let warmth = night.warm_up.as_mut()?.add(drift, now.0);
+        let warmth = warm_up.add(drift, now.0);
         if warmth == Warmth::Warming {
-            let until = Moment(now.0 + WARM_UP_STEP_S);
-            night.next_pilot = until;
-            return hold(Awaited::Rig, REASON, Some(until));
+            night.next_pilot = Moment(now.0 + WARM_UP_STEP_S);
+            return hold(Awaited::Rig, REASON, Some(night.next_pilot));
         }
         night.warm_up = None;
         if warmth == Warmth::OutOfTime {
@@ -303,36 +294,39 @@ impl<'a> Nightly<'a> {
     }
 
     /// Shows the pilot after the last photo, once no photo has been ready for a while.
-    fn prove_last_photos(&mut self, rig: &mut dyn Restorer) -> Option<Turn> {
+    fn prove_last_photos(&mut self, rig: &mut dyn Restorer) -> MayRestore {
         let now = self.now();
         let since = *self.lull_since.get_or_insert(now);
         if self.record.unproven.is_empty() || now.0 - since.0 < LULL_S {
-            return None;
+            return Ok(());
         }
         // After a reboot the rig is cold, and its drift says nothing about the photos.
         let cold = self.night.as_ref().is_some_and(|night| night.warm_up.is_some());
         if cold { self.warm_up(rig) } else { self.prove(rig) }
     }
+
+    fn may_restore(&mut self, is_ready: bool, rig: &mut dyn Restorer) -> MayRestore {
+        if is_ready {
+            self.lull_since = None;
+        }
+        self.continue_withdrawal()?;
+        self.hours(rig)?;
+        if self.is_cancelled {
+            return hold(Awaited::Button, CANCELLED, None);
+        }
+        if !is_ready {
+            return self.prove_last_photos(rig);
+        }
+        self.warm_up(rig)?;
+        let every = self.nights.pilot_every_photos;
+        let is_due = |night: &Night| night.drifted || night.photos >= every;
+        if self.night.as_ref().is_some_and(is_due) { self.prove(rig) } else { Ok(()) }
+    }
 }
 
 impl Schedule for Nightly<'_> {
     fn turn(&mut self, asked: Question, rig: &mut dyn Restorer) -> Turn {
-        let mut turn = self.continue_withdrawal().or_else(|| self.hours(rig));
-        if self.is_cancelled {
-            turn = turn.or_else(|| hold(Awaited::Button, CANCELLED, None));
-        }
-        if asked.is_ready {
-            self.lull_since = None;
-            turn = turn.or_else(|| self.warm_up(rig));
-            let every = self.nights.pilot_every_photos;
-            let is_due = |night: &Night| night.drifted || night.photos >= every;
-            if turn.is_none() && self.night.as_ref().is_some_and(is_due) {
-                turn = self.prove(rig);
-            }
-        } else {
-            turn = turn.or_else(|| self.prove_last_photos(rig));
-        }
-        turn.unwrap_or(Turn::Go)
+        self.may_restore(asked.is_ready, rig).err().unwrap_or(Turn::Go)
     }
 
     fn notify(&mut self, event: Event<'_>, _: &mut dyn Restorer) {

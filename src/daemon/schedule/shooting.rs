@@ -16,7 +16,7 @@ use std::time::SystemTime;
 use super::before_box::BeforeBox;
 use super::{Question, Turn};
 use crate::config::Nights;
-use crate::daemon::error::{CalibrationCause, DaemonError};
+use crate::daemon::error::DaemonError;
 use crate::daemon::store::folders::Folders;
 use crate::daemon::store::taken;
 use crate::daemon::store::waiting::Awaited;
@@ -69,25 +69,6 @@ impl Countdown {
         // A rounding error must not add a second.
         (self.shutter.0 - now.0 - 1e-6).max(0.0).ceil() as u32
     }
-}
-
-/// Decision of the process.
-pub(super) enum ShootTurn {
-    /// Photos may be restored.
-    Photos,
-    /// Waiting photos are postponed.
-    Aim,
-    /// Another decision.
-    Other(Turn),
-}
-
-/// State of taking a photo.
-enum ShutterState {
-    Nothing,
-    /// The countdown runs until then.
-    Counting(Moment),
-    /// A photo was saved to the inbox.
-    Saved,
 }
 
 /// The process of taking and restoring photos.
@@ -151,13 +132,13 @@ impl<'a> Shooting<'a> {
         }
     }
 
-    /// Decides what to do next.
+    /// Whether photos may be restored, else they are postponed; or what to do instead.
     pub(super) fn turn(
         &mut self,
         asked: Question,
         before: &mut BeforeBox<'_>,
         rig: &mut dyn Restorer,
-    ) -> ShootTurn {
+    ) -> Result<bool, Turn> {
         self.postponed_photos = self.postponed_photos.min(asked.waiting);
         if std::mem::take(&mut self.postpone) {
             match self.countdown.take() {
@@ -165,50 +146,39 @@ impl<'a> Shooting<'a> {
                 None => self.postpone(asked.waiting),
             }
         }
-        match self.take_when_due(before, rig) {
-            Err(error) => return ShootTurn::Other(Turn::Help(error)),
-            Ok(ShutterState::Counting(shutter)) => {
-                let reason = "taking the photo".to_owned();
-                let awaited = Awaited::Panel;
-                return ShootTurn::Other(Turn::Hold { reason, awaited, until: Some(shutter) });
-            }
-            Ok(ShutterState::Saved) => {
-                let now = before.clock.now();
-                self.ask(now, ASK);
-                // The photo is found by the next scan of the inbox.
-                let asked = Question { waiting: asked.waiting + 1, ..asked };
-                return self.wait(asked, now, before, rig);
-            }
-            Ok(ShutterState::Nothing) => {}
+        if self.take_when_due(before, rig)? {
+            let now = before.clock.now();
+            self.ask(now, ASK);
+            // The photo is found by the next scan of the inbox.
+            let asked = Question { waiting: asked.waiting + 1, ..asked };
+            return self.wait(asked, now, before, rig);
         }
         if asked.waiting == 0 {
             self.stage = Stage::Aim;
-            return ShootTurn::Photos;
+            return Ok(true);
         }
         self.restore_waiting(asked, before, rig)
     }
 
-    /// Saves a photo taken before, counts down, and takes a photo when the countdown ends.
+    /// Saves a photo taken before, counts down, and takes a photo when the countdown ends. Whether
+    /// a photo was saved to the inbox.
     fn take_when_due(
         &mut self,
         before: &mut BeforeBox<'_>,
         rig: &mut dyn Restorer,
-    ) -> Result<ShutterState, DaemonError> {
-        let saved = if self.unsaved.is_some() { self.save() } else { Ok(false) };
+    ) -> Result<bool, Turn> {
+        let saved = self.save();
         let is_due = matches!(saved, Ok(false)) && self.count_down(before, rig);
         if let Some(Countdown { shutter, .. }) = self.countdown {
-            return Ok(ShutterState::Counting(shutter));
+            return Err(Turn::hold(Awaited::Panel, "taking the photo", Some(shutter)));
         }
-        let is_saved = match saved {
-            Ok(false) if is_due => {
-                before.show(Screen::Taking, BoxState::Working, rig);
-                before.forget_screen();
-                self.take(rig)?;
-                self.save()?
-            }
-            saved => saved?,
-        };
-        Ok(if is_saved { ShutterState::Saved } else { ShutterState::Nothing })
+        if is_due {
+            before.show(Screen::Taking, BoxState::Working, rig);
+            before.forget_screen();
+            self.take(rig)?;
+            return Ok(self.save()?);
+        }
+        Ok(saved?)
     }
 
     /// Asks for the panel, measures the lens if necessary, and lets waiting photos be restored.
@@ -217,7 +187,7 @@ impl<'a> Shooting<'a> {
         asked: Question,
         before: &mut BeforeBox<'_>,
         rig: &mut dyn Restorer,
-    ) -> ShootTurn {
+    ) -> Result<bool, Turn> {
         let now = before.clock.now();
         match &self.stage {
             Stage::Aim if asked.waiting > self.postponed_photos => self.ask(now, ASK),
@@ -245,11 +215,10 @@ impl<'a> Shooting<'a> {
                 log::info!("measuring the lens was cancelled");
                 self.postpone(asked.waiting);
             }
-            Err(error) => return ShootTurn::Other(Turn::Help(error)),
-            Ok(()) => {}
+            advanced => advanced?,
         }
         match &self.stage {
-            Stage::There => ShootTurn::Photos,
+            Stage::There => Ok(true),
             _ => self.wait(asked, now, before, rig),
         }
     }
@@ -324,12 +293,12 @@ impl<'a> Shooting<'a> {
         before.forget_screen();
         let seen = match rig.look_for_panel() {
             Err(failure) if failure.remedy() == Remedy::ReopenRig => {
-                rig.mend(Remedy::ReopenRig).map_err(of_rig)?;
+                rig.mend(Remedy::ReopenRig).map_err(DaemonError::of_rig)?;
                 rig.look_for_panel()
             }
             seen => seen,
         };
-        let words = match seen.map_err(of_rig)? {
+        let words = match seen.map_err(DaemonError::of_rig)? {
             PanelView::Absent => ASK.to_owned(),
             PanelView::Askew(what) => format!("The panel is not well placed: {what}."),
             PanelView::There => {
@@ -343,7 +312,7 @@ impl<'a> Shooting<'a> {
 
     /// Shows a pilot, after so many calibrations, and sets the stage.
     fn prove(&mut self, calibrations: u32, rig: &mut dyn Restorer) -> Result<(), DaemonError> {
-        let drift = rig.pilot().map_err(of_rig)?;
+        let drift = rig.pilot().map_err(DaemonError::of_rig)?;
         let Some(complaint) = drift.and_then(|drift| drift.complaint()) else {
             self.stage = Stage::There;
             return Ok(());
@@ -366,7 +335,7 @@ impl<'a> Shooting<'a> {
     ) -> Result<(), DaemonError> {
         before.forget_screen();
         let measured = rig.mend(Remedy::Recalibrate).map_err(|failure| DaemonError::Calibration {
-            cause: CalibrationCause::PanelMoved(complaint),
+            cause: format!("the panel was moved ({complaint}) and"),
             failure,
         });
         let proved = measured.and_then(|()| self.prove(calibrations, rig));
@@ -407,15 +376,15 @@ impl<'a> Shooting<'a> {
         now: Moment,
         before: &mut BeforeBox<'_>,
         rig: &mut dyn Restorer,
-    ) -> ShootTurn {
+    ) -> Result<bool, Turn> {
         match &self.stage {
-            Stage::Aim | Stage::There => ShootTurn::Aim,
+            Stage::Aim | Stage::There => Ok(false),
             Stage::Measure { why, .. } => {
                 before.show(Screen::Measuring { why: why.clone() }, BoxState::Working, rig);
                 let reason = format!(
                     "measuring the lens, because the panel was moved ({why}): leave it where it is"
                 );
-                ShootTurn::Other(Turn::Hold { reason, awaited: Awaited::Rig, until: Some(now) })
+                Err(Turn::hold(Awaited::Rig, reason, Some(now)))
             }
             Stage::Ask { search_at, words, .. } => {
                 let (photos, others) = (asked.waiting, asked.parts.describe_incomplete());
@@ -423,12 +392,8 @@ impl<'a> Shooting<'a> {
                 before.show(screen, BoxState::Asking, rig);
                 let reason = format!("the panel is needed: {words}");
                 let until = (search_at.0 > now.0).then_some(*search_at);
-                ShootTurn::Other(Turn::Hold { reason, awaited: Awaited::Panel, until })
+                Err(Turn::hold(Awaited::Panel, reason, until))
             }
         }
     }
-}
-
-fn of_rig(failure: AnyFailure) -> DaemonError {
-    DaemonError::Rig { photo: None, failure }
 }

@@ -5,7 +5,7 @@ use std::io::ErrorKind::{StorageFull, Unsupported};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use super::error::FolderError;
+use crate::daemon::error::DaemonError;
 use crate::disk::Files;
 
 /// Names of the folders, in the order of [`Folders`]' fields.
@@ -66,7 +66,7 @@ impl Folders {
 
     /// Checks that all folders are there, those of a photo's way with room for files and at least
     /// `floor_bytes` each; passes where the free space is unknown.
-    pub(crate) fn check_space(&self, floor_bytes: u64) -> Result<(), FolderError> {
+    pub(crate) fn check_space(&self, floor_bytes: u64) -> Result<(), DaemonError> {
         const MIB: u64 = 1 << 20;
         let Folders { files, inbox, working, outbox, done, failed, .. } = self;
         match files.free_bytes(inbox) {
@@ -77,7 +77,7 @@ impl Folders {
             match files.free_bytes(path) {
                 Ok(free) if free < floor_bytes => {
                     let (found_mib, floor_mib) = (free / MIB, floor_bytes.div_ceil(MIB));
-                    return Err(FolderError::Full { path: path.clone(), found_mib, floor_mib });
+                    return Err(DaemonError::Full { path: path.clone(), found_mib, floor_mib });
                 }
                 Err(error) if error.kind() != Unsupported => return Err(error.into()),
                 _ => {}

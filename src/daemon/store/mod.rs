@@ -15,7 +15,6 @@
 pub(super) mod claim;
 pub(super) mod companions;
 pub(super) mod deliver;
-pub(super) mod error;
 pub(super) mod folders;
 pub(super) mod hints;
 pub(super) mod inbox;

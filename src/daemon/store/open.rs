@@ -9,9 +9,9 @@ use std::sync::Arc;
 use rustix::fs::{FlockOperation, flock};
 use rustix::io::Errno;
 
-use super::error::FolderError;
 use super::folders::{Folders, NAMES};
 use super::recover;
+use crate::daemon::error::DaemonError;
 use crate::disk::{Disk, FileError, Files};
 
 /// Name of the lock file in the root.
@@ -21,9 +21,9 @@ impl Folders {
     /// Locks the root, makes missing folders, and completes or reverts interrupted jobs.
     ///
     /// # Errors
-    /// [`FolderError::InUse`]; [`FolderError::Nested`] when one folder lies in another, through
-    /// links or not; [`FolderError::Files`] when a folder cannot be made or is no folder.
-    pub fn open(root: &Path) -> Result<Folders, FolderError> {
+    /// [`DaemonError::InUse`]; [`DaemonError::Nested`] when one folder lies in another, through
+    /// links or not; [`DaemonError::Files`] when a folder cannot be made or is no folder.
+    pub fn open(root: &Path) -> Result<Folders, DaemonError> {
         let lock = Folders::lock(root)?;
         let root = made(root)?;
         let mut places = NAMES.map(|name| root.join(name));
@@ -33,7 +33,7 @@ impl Folders {
         for (n, outer) in places.iter().enumerate() {
             let mut others = places.iter().enumerate().filter(|&(m, _)| m != n);
             if let Some((_, inner)) = others.find(|(_, inner)| inner.starts_with(outer)) {
-                return Err(FolderError::Nested { inner: inner.clone(), outer: outer.clone() });
+                return Err(DaemonError::Nested { inner: inner.clone(), outer: outer.clone() });
             }
         }
         let files = Files::beneath(places.iter().cloned().chain([root.clone()]).collect());
@@ -43,8 +43,8 @@ impl Folders {
     /// Locks `root` against other processes while the returned file lives.
     ///
     /// # Errors
-    /// [`FolderError::InUse`]; [`FolderError::Files`] when the folder cannot be made.
-    pub fn lock(root: &Path) -> Result<File, FolderError> {
+    /// [`DaemonError::InUse`]; [`DaemonError::Files`] when the folder cannot be made.
+    pub fn lock(root: &Path) -> Result<File, DaemonError> {
         let root = made(root)?;
         let path = root.join(LOCK);
         let mut how = OpenOptions::new();
@@ -53,13 +53,13 @@ impl Folders {
         let lock = how.open(&path).map_err(FileError::at("open", &path))?;
         match flock(&lock, FlockOperation::NonBlockingLockExclusive) {
             Ok(()) => Ok(lock),
-            Err(Errno::WOULDBLOCK) => Err(FolderError::InUse { path: root }),
+            Err(Errno::WOULDBLOCK) => Err(DaemonError::InUse { path: root }),
             Err(errno) => Err(FileError::at("lock", &path)(errno.into()).into()),
         }
     }
 
     /// As [`Folders::open`] on any `disk`, without a lock; `root` must exist.
-    pub fn on(disk: Arc<dyn Disk>, root: &Path) -> Result<Folders, FolderError> {
+    pub fn on(disk: Arc<dyn Disk>, root: &Path) -> Result<Folders, DaemonError> {
         let places = NAMES.map(|name| root.join(name));
         recovered(Folders::at(Files::on(disk), root.to_owned(), places, None))
     }
@@ -72,7 +72,7 @@ impl Folders {
 }
 
 /// Removes temporary files and completes or reverts interrupted jobs.
-fn recovered(folders: Folders) -> Result<Folders, FolderError> {
+fn recovered(folders: Folders) -> Result<Folders, DaemonError> {
     let files = &folders.files;
     for folder in folders.all() {
         files.make_folder(folder)?;

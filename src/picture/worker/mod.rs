@@ -21,9 +21,8 @@ use rustix::time::{
     timerfd_settime,
 };
 
-use super::{Limits, Photo, PictureError};
-use crate::config::Curve;
-use crate::frame::{Counts, PhotoGrid, Size};
+use super::{Limits, Photo, PictureError, ReadOptions};
+use crate::frame::{Counts, Size};
 use wire::{Answer, Ask, Purpose};
 
 pub use child::serve;
@@ -66,18 +65,16 @@ impl Worker {
         }
     }
 
-    /// The photo in `file`, called `name`, on the grid `grid`.
+    /// The photo in `file`, called `name`, on the rig's grid.
     pub fn photo(
         &self,
         name: &str,
         file: File,
-        curve: Curve,
-        limits: &Limits,
-        grid: impl Into<PhotoGrid>,
+        reading: &ReadOptions,
     ) -> Result<Photo, PictureError> {
-        let grid = grid.into();
-        let ask = self.ask(name, limits, Purpose::Photo(curve, grid));
-        photo_of_answer(name, &self.answer(&ask, file)?, grid.photo.size)
+        let ReadOptions { curve, limits, grid, .. } = reading;
+        let ask = self.ask(name, limits, Purpose::Photo(*curve, *grid));
+        reading.finish(photo_of_answer(name, &self.answer(&ask, file)?, grid.photo.size)?)
     }
 
     /// The counts in `bytes`, a camera's frame of `size` coded as JPEG.

@@ -5,8 +5,7 @@ use std::time::{Duration, UNIX_EPOCH};
 
 use relens::config::{self, Mode};
 use relens::daemon::{
-    Attended, Daemon, DaemonSetting, Doing, Folders, Nightly, Progress, Reader, Restorer, State,
-    Times,
+    Attended, Daemon, DaemonSetting, Doing, Folders, Nightly, Progress, Restorer, State, Times,
 };
 use relens::kiosk::front_panel::FrontPanel;
 use relens::kiosk::press::Press;
@@ -75,10 +74,7 @@ fn after_cancelling_a_calibration_the_box_waits_for_the_button() {
     let inner = Scripted { pilots: &pilots, log: &log, clock: &clock, photo_s: 1.0 };
     let mut restorer = GivenUp { inner, given_up: false };
     let size = relens::frame::Size::new(64, 48);
-    let setting = DaemonSetting {
-        reader: Reader::Here,
-        ..DaemonSetting::new("test", size, config::Curve::Srgb)
-    };
+    let setting = DaemonSetting::new("test", size, config::Curve::Srgb);
     let (mut watcher, states) = ((), RefCell::new(Vec::<State>::new()));
     let mut pressed = false;
     let daemon =

@@ -11,8 +11,7 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 use relens::calibration::store;
 use relens::config::{self, ClockSource, Nights};
 use relens::daemon::{
-    Daemon, DaemonSetting, Doing, Folders, Nightly, Progress, Reader, Restorer, State, Summary,
-    Times,
+    Daemon, DaemonSetting, Doing, Folders, Nightly, Progress, Restorer, State, Summary, Times,
 };
 use relens::deconvolution::stage::ResultStage;
 use relens::frame::{Frame, Plane, Work};
@@ -219,10 +218,7 @@ fn live(night: Night<'_>) -> Lived {
     let schedule = Nightly::new(&nights, &folders, times).unwrap();
     let mut restorer = Scripted { pilots: &pilots, log: &log, clock: &clock, photo_s };
     let size = relens::frame::Size::new(64, 48);
-    let setting = DaemonSetting {
-        reader: Reader::Here,
-        ..DaemonSetting::new("test", size, config::Curve::Srgb)
-    };
+    let setting = DaemonSetting::new("test", size, config::Curve::Srgb);
     let mut watcher = ();
     let states: RefCell<Vec<Doing>> = RefCell::default();
     let daemon =
