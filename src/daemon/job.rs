@@ -6,15 +6,15 @@ use std::path::{Path, PathBuf};
 
 use super::error::DaemonError;
 use super::setting::DaemonSetting;
-use super::store::claim::{Claim, Claimed, JobStep, claim};
-use super::store::deliver::{Delivery, Encoded};
+use super::store::claim::{Claimed, JobStep, flat_name};
+use super::store::deliver::{Encoded, deliver};
 use super::store::folders::Folders;
 use super::store::ledger::{ATTEMPTS_MAX, FileIdentity};
 use super::store::recover::settle;
 use super::store::report_file::{Delivered, Failed, Report};
 use super::watcher::Watcher;
 use crate::disk::{FileError, FileKind, Metadata};
-use crate::picture::{Growth, Photo, PictureError};
+use crate::picture::{Growth, Photo, PictureError, result_name};
 use crate::pipeline::Outcome;
 use crate::remedy::{AnyFailure, Remediable, Remedy, full_message};
 use crate::restorer::{Progress, Restorer};
@@ -160,14 +160,19 @@ impl Job<'_> {
     /// When the folders or the rig need help; the photo is then back in the inbox where possible,
     /// else in `working` until the next scan or start.
     pub(super) fn run(mut self, path: &Path) -> Result<JobEnd, DaemonError> {
-        let claimed = match claim(self.folders, path)? {
-            Claim::Path(path) => path,
-            Claim::Gone => return Ok(JobEnd::Gone),
-            Claim::Refused(error) => {
+        let (files, from) = (&self.folders.files, self.folders.inbox.join(path));
+        let claimed = match files.move_to_own(&from, &self.folders.working, &flat_name(path)) {
+            // Not when `working` is missing.
+            Err(error) if error.kind() == ErrorKind::NotFound && !files.exists(&from)? => {
+                return Ok(JobEnd::Gone);
+            }
+            // This photo cannot be moved; others may.
+            Err(error) if error.is_about(&from) && !error.is_of_disk() => {
                 let photo = path.to_string_lossy().into_owned();
                 let failed = Failed { photo, reason: error.message_for_owner() };
                 return Ok(JobEnd::Deferred { path: path.to_owned(), failed });
             }
+            moved => moved?,
         };
         self.watcher.step(JobStep::Claimed);
         let name = claimed.file_name().unwrap_or(claimed.as_os_str()).to_owned();
@@ -267,16 +272,20 @@ impl Job<'_> {
         {
             return Err(JobError::Changed { photo: photo.display_name() });
         }
-        let delivery = Delivery {
-            folders: self.folders,
-            photo: &read,
-            outcome: &outcome,
-            encoded: &Encoded::of(&read, &outcome)?,
-            rig: &self.setting.rig,
+        let encoded = Encoded::of(&read, &outcome)?;
+        let format = encoded.result.as_ref().map(|_| read.manner.format);
+        // The photo's own name where its file is the result, else the name in the result's format.
+        let wanted = match format.is_none() && Path::new(&photo.name).extension().is_some() {
+            true => photo.name.clone(),
+            false => result_name(&photo.name, read.manner.format),
+        };
+        let report = Report {
             finished_unix_s: (self.unix_s)(),
             number: self.number,
+            ..Report::single(&self.setting.rig, &read, &outcome, wanted.as_ref(), format)
         };
-        Ok(delivery.deliver(photo, &mut |step| self.watcher.step(step))?)
+        let step = &mut |step| self.watcher.step(step);
+        Ok(deliver(self.folders, &wanted, &report, &encoded, photo, step)?)
     }
 
     fn read(&self, photo: &Claimed) -> Result<Photo, JobError> {

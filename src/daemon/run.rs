@@ -82,7 +82,7 @@ impl<'a> Daemon<'a> {
             clocks: Clocks { clock, calendar },
             watcher,
             schedule: Box::new(()),
-            inbox: Inbox::new(if setting.hints { Hints::new() } else { Hints::none() }),
+            inbox: Inbox::new(if setting.hints { Hints::new() } else { Hints::default() }),
             unsettled: Unsettled::default(),
             late: LateWrites::default(),
             reporter: Reporter::open(&folders, &setting.rig, setting.needs_button)?,

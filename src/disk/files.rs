@@ -199,32 +199,22 @@ impl Files {
         self.sync_folder(folder).inspect_err(|_| drop(self.0.remove(&path)))
     }
 
-    /// Replaces `folder/name` by `bytes`, atomically. Until the folder is synchronised, a power cut
-    /// may restore the previous file.
-    pub fn replace(&self, folder: &Path, name: &OsStr, bytes: &[u8]) -> Result<(), FileError> {
-        self.replace_by(&folder.join(name), bytes, Unsynced::sync)
+    /// Replaces the file `path` by `bytes`, atomically. Until its folder is synchronised, a power
+    /// cut may restore the previous file.
+    pub fn replace(&self, path: &Path, bytes: &[u8]) -> Result<(), FileError> {
+        self.replace_by(path, bytes, Unsynced::sync)
     }
 
-    /// Replaces `folder/name` by `bytes`, atomically and durably.
-    pub fn replace_for_good(
-        &self,
-        folder: &Path,
-        name: &OsStr,
-        bytes: &[u8],
-    ) -> Result<(), FileError> {
-        self.replace(folder, name, bytes)?;
-        self.sync_folder(folder)
+    /// Replaces the file `path` by `bytes`, atomically and durably.
+    pub fn replace_for_good(&self, path: &Path, bytes: &[u8]) -> Result<(), FileError> {
+        self.replace(path, bytes)?;
+        self.sync_folder(folder_of(path))
     }
 
-    /// Replaces `folder/name` by `bytes`, atomically for readers, undefined after a power cut: for
-    /// files rewritten at every start. Spares the memory card until the system writes back.
-    pub fn replace_for_now(
-        &self,
-        folder: &Path,
-        name: &OsStr,
-        bytes: &[u8],
-    ) -> Result<(), FileError> {
-        self.replace_by(&folder.join(name), bytes, |_| Ok(()))
+    /// Replaces the file `path` by `bytes`, atomically for readers, undefined after a power cut:
+    /// for files rewritten at every start. Spares the memory card until the system writes back.
+    pub fn replace_for_now(&self, path: &Path, bytes: &[u8]) -> Result<(), FileError> {
+        self.replace_by(path, bytes, |_| Ok(()))
     }
 
     /// Moves `from` to `folder/name`, numbered when that exists, and returns the new path. The move
@@ -254,8 +244,7 @@ impl Files {
         folder: &Path,
         name: &OsStr,
     ) -> Result<PathBuf, FileError> {
-        let taken = self.taken_names(folder)?;
-        for name in numbered(name).filter(|name| !taken.holds(name)) {
+        self.with_free_name(folder, name, &TakenNames::holds, &mut |name| {
             let path = folder.join(name);
             let moved = match rename(from, &path) {
                 Err(error) if error.kind() == ErrorKind::CrossesDevices => {
@@ -263,13 +252,28 @@ impl Files {
                 }
                 moved => moved,
             };
-            match moved {
-                // The name was taken since the check.
+            moved.map(|()| path).map_err(FileError::at("move", from))
+        })
+    }
+
+    /// Makes a file in `folder` by `make`, which gets `name` or the first of its numbered variants
+    /// that `is_taken` does not find among the names there; the next one where the name was taken
+    /// since.
+    pub fn with_free_name<T>(
+        &self,
+        folder: &Path,
+        name: &OsStr,
+        is_taken: &dyn Fn(&TakenNames, &OsStr) -> bool,
+        make: &mut dyn FnMut(&OsStr) -> Result<T, FileError>,
+    ) -> Result<T, FileError> {
+        let taken = self.taken_names(folder)?;
+        for name in numbered(name).filter(|name| !is_taken(&taken, name)) {
+            match make(&name) {
                 Err(error) if error.kind() == ErrorKind::AlreadyExists => {}
-                done => return done.map(|()| path).map_err(FileError::at("move", from)),
+                made => return made,
             }
         }
-        Err(FileError::at("move", from)(ErrorKind::AlreadyExists.into()))
+        Err(FileError::at("write in", folder)(ErrorKind::AlreadyExists.into()))
     }
 
     /// Names in `folder`.
@@ -297,7 +301,7 @@ impl Files {
         content: &mut dyn Read,
         sync: impl FnOnce(Box<dyn Unsynced>) -> io::Result<()>,
     ) -> Result<PathBuf, FileError> {
-        let temporary = temporary_in(path.parent().unwrap_or(Path::new("")));
+        let temporary = temporary_in(folder_of(path));
         self.0.write(&temporary, content).and_then(sync).map_err(|error| {
             let _ = self.0.remove(&temporary);
             FileError::at("write", path)(error)
@@ -317,6 +321,10 @@ impl Files {
             FileError::at("write", path)(error)
         })
     }
+}
+
+fn folder_of(path: &Path) -> &Path {
+    path.parent().unwrap_or(Path::new(""))
 }
 
 /// `value` as JSON, to be written to `path`.
@@ -386,14 +394,10 @@ fn with_number(name: &OsStr, number: u32) -> OsString {
 /// random number is part of it.
 fn temporary_in(folder: &Path) -> PathBuf {
     static NEXT: AtomicU32 = AtomicU32::new(0);
-    static DRAWN: LazyLock<u64> = LazyLock::new(drawn);
+    // From the seed of the standard library's hash maps.
+    static DRAWN: LazyLock<u64> = LazyLock::new(|| RandomState::new().hash_one(std::process::id()));
     let number = NEXT.fetch_add(1, Ordering::Relaxed);
     folder.join(format!("{}{:016x}-{number}{}", TEMPORARY.0, *DRAWN, TEMPORARY.1))
-}
-
-/// A random number, from the seed of the standard library's hash maps.
-fn drawn() -> u64 {
-    RandomState::new().hash_one(std::process::id())
 }
 
 #[cfg(test)]

@@ -21,7 +21,6 @@ pub mod photo_file;
 mod progress;
 mod provenance;
 
-use std::ffi::OsStr;
 use std::path::Path;
 
 use crate::disk::{FileError, Files};
@@ -116,5 +115,5 @@ fn kept(slots: &Path, name: &str) -> Result<Option<Vec<u8>>, FileError> {
 fn keep(slots: &Path, name: &str, bytes: &[u8]) -> Result<(), FileError> {
     let files = Files::beneath(vec![slots.to_owned()]);
     files.sweep(slots)?;
-    files.replace_for_good(slots, OsStr::new(name), bytes)
+    files.replace_for_good(&slots.join(name), bytes)
 }

@@ -182,9 +182,9 @@ impl Gallery {
             failed: &self.failed,
             deferred,
         };
-        files.replace_for_now(previews, "report.json".as_ref(), &json(&data, outbox)?)?;
+        files.replace_for_now(&previews.join("report.json"), &json(&data, outbox)?)?;
         let names = names_script(&self.reports, outbox)?;
-        files.replace_for_now(previews, "names.js".as_ref(), &names)?;
+        files.replace_for_now(&previews.join("names.js"), &names)?;
         let html = page::first_page(&page::Overview {
             rig,
             photos: &shown,
@@ -194,7 +194,7 @@ impl Gallery {
             now: super::now::address(folders).as_deref(),
             now_unix_s,
         });
-        files.replace(outbox, "index.html".as_ref(), html.as_bytes())
+        files.replace(&outbox.join("index.html"), html.as_bytes())
     }
 }
 
@@ -227,8 +227,8 @@ fn write_photo_pages(
         let html = page::photo_page(n + 1, pages, chunk);
         let sum = crc32fast::hash(html.as_bytes());
         if pages > 1 && written[n] != sum {
-            let name = page::page_name(n + 1);
-            folders.files.replace(&folders.previews, name.as_ref(), html.as_bytes())?;
+            let path = folders.outbox.join(page::page_address(n + 1));
+            folders.files.replace(&path, html.as_bytes())?;
             written[n] = sum;
         }
     }

@@ -18,7 +18,7 @@ pub(super) fn address(folders: &Folders) -> Option<String> {
 /// Writes the status line.
 pub(super) fn write(folders: &Folders, doing: &Doing, now_unix_s: u64) -> Result<(), FileError> {
     let bytes = line(doing, now_unix_s);
-    folders.files.replace_for_now(&folders.previews, NAME.as_ref(), bytes.as_bytes())
+    folders.files.replace_for_now(&folders.previews.join(NAME), bytes.as_bytes())
 }
 
 fn line(doing: &Doing, now_unix_s: u64) -> String {

@@ -78,9 +78,8 @@ impl State {
 
     /// Writes the state file, atomically.
     pub fn write(&self, folders: &Folders) -> Result<(), FileError> {
-        let root = &folders.root;
-        let bytes = json_in_lines(self, root)?;
-        folders.files.replace_for_now(root, NAME.as_ref(), &bytes)
+        let path = folders.root.join(NAME);
+        folders.files.replace_for_now(&path, &json_in_lines(self, &path)?)
     }
 
     /// Reads the state file under `root`; `None` when there is none.

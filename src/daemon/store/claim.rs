@@ -1,14 +1,13 @@
 //! A photo in `working`: claimed, then closed or rejected.
 
 use std::ffi::{OsStr, OsString};
-use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use super::folders::Folders;
 use super::ledger::Ledger;
 use super::names::note_name;
 use super::report_file::{Delivered, Failed};
-use crate::disk::files::numbered;
+use crate::disk::files::TakenNames;
 use crate::disk::{FileError, Metadata};
 
 /// The steps of a job that change the disk. The power may fail between any two.
@@ -32,31 +31,9 @@ pub enum JobStep {
     Closed,
 }
 
-pub(crate) enum Claim {
-    /// The photo's path in `working`.
-    Path(PathBuf),
-    /// The photo was removed before.
-    Gone,
-    /// This photo cannot be moved; others may.
-    Refused(FileError),
-}
-
 /// The name of the photo at `path`, relative to the inbox; names of folders become part of it.
 pub(crate) fn flat_name(path: &Path) -> OsString {
     path.iter().collect::<Vec<&OsStr>>().join(OsStr::new("-"))
-}
-
-/// Moves the photo at `path`, relative to the inbox, to `working`.
-pub(crate) fn claim(folders: &Folders, path: &Path) -> Result<Claim, FileError> {
-    let from = folders.inbox.join(path);
-    match folders.files.move_to_own(&from, &folders.working, &flat_name(path)) {
-        // Not when `working` is missing.
-        Err(error) if error.kind() == ErrorKind::NotFound && !folders.files.exists(&from)? => {
-            Ok(Claim::Gone)
-        }
-        Err(error) if error.is_about(&from) && !error.is_of_disk() => Ok(Claim::Refused(error)),
-        moved => moved.map(Claim::Path),
-    }
 }
 
 /// A photo in `working`.
@@ -105,19 +82,11 @@ impl Claimed {
         let failed = Failed { photo: self.display_name(), reason };
         let (files, folder) = (&folders.files, &folders.failed);
         // A note without its photo is left over from a power cut, and is overwritten.
-        let taken = files.taken_names(folder)?;
-        for name in numbered(&self.name).filter(|name| !taken.holds(name)) {
+        files.with_free_name(folder, &self.name, &TakenNames::holds, &mut |name| {
             // The note first: no photo may be in `failed` without its reason.
-            files.replace_for_good(folder, &note_name(&name), failed.note().as_bytes())?;
-            match files.rename_new(&self.path, &folder.join(&name)) {
-                // The name was taken since the check.
-                Err(error) if error.kind() == ErrorKind::AlreadyExists => {}
-                done => {
-                    done?;
-                    break;
-                }
-            }
-        }
+            files.replace_for_good(&folder.join(note_name(name)), failed.note().as_bytes())?;
+            files.rename_new(&self.path, &folder.join(name))
+        })?;
         // Before the record goes: without it the photo would be tried again. Another's move is made
         // durable with the gallery.
         if self.ledger.attempts() > 0 {

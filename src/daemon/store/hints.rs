@@ -14,8 +14,8 @@ use std::path::{Path, PathBuf};
 
 use rustix::fs::inotify::{self, CreateFlags, ReadFlags, Reader, WatchFlags};
 
-/// Events of the inbox and its subfolders.
-#[derive(Debug)]
+/// Events of the inbox and its subfolders; by default none.
+#[derive(Debug, Default)]
 pub(crate) struct Hints {
     inotify: Option<OwnedFd>,
     /// Path of each watched folder, relative to the inbox, by its watch descriptor.
@@ -24,15 +24,11 @@ pub(crate) struct Hints {
 }
 
 impl Hints {
-    pub(crate) fn none() -> Hints {
-        Hints { inotify: None, watched: RefCell::default(), moved: RefCell::default() }
-    }
-
     /// Events, if the kernel has a watch available.
     pub(crate) fn new() -> Hints {
         let opened = inotify::init(CreateFlags::NONBLOCK | CreateFlags::CLOEXEC);
         let opened = opened.inspect_err(|errno| log::debug!("no events of the inbox: {errno}"));
-        Hints { inotify: opened.ok(), ..Hints::none() }
+        Hints { inotify: opened.ok(), ..Hints::default() }
     }
 
     /// Watches the folder `path`, relative to `inbox`; repeated, the folder that has that name by
@@ -97,6 +93,6 @@ mod tests {
         hints.watch(folder.path(), Path::new("holiday"));
         std::fs::rename(folder.path().join("c.jpg"), folder.path().join("holiday/d.jpg")).unwrap();
         assert!(hints.poll() && hints.take_moved() == HashSet::from(["holiday/d.jpg".into()]));
-        assert!(!Hints::none().poll());
+        assert!(!Hints::default().poll());
     }
 }

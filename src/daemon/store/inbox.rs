@@ -37,6 +37,8 @@ pub(crate) struct Patience {
 struct SeenFile {
     metadata: Metadata,
     since: Moment,
+    /// Whether it is a companion by its content.
+    is_companion: bool,
     /// What the content with this `metadata` lacks; `None` before it was examined.
     missing: Option<Option<String>>,
 }
@@ -62,7 +64,7 @@ struct Retry {
 }
 
 /// The inbox over time. Paths are relative to it.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(crate) struct Inbox {
     seen: HashMap<PathBuf, SeenFile>,
     /// When the next known file will have been quiet for long enough.
@@ -74,8 +76,6 @@ pub(crate) struct Inbox {
     hints: Hints,
     /// Numbers of waiting photos by what they wait for.
     pub(crate) waiting: Waiting,
-    /// Files that are companions or not by their content, examined once while they do not change.
-    examined: HashMap<PathBuf, (Metadata, bool)>,
     /// Number of files beside the photos, which stay.
     companions: usize,
 }
@@ -92,16 +92,7 @@ pub(crate) struct Ready {
 impl Inbox {
     /// An inbox not scanned yet, with its events.
     pub(crate) fn new(hints: Hints) -> Inbox {
-        Inbox {
-            seen: HashMap::new(),
-            due: None,
-            retries: HashMap::new(),
-            deferred: BTreeMap::new(),
-            hints,
-            waiting: Waiting::default(),
-            examined: HashMap::new(),
-            companions: 0,
-        }
+        Inbox { hints, ..Inbox::default() }
     }
 
     /// Scans the inbox. Photos count as ready once they are quiet; [`Inbox::may_be_taken`] checks
@@ -116,26 +107,18 @@ impl Inbox {
         self.hints.watch(inbox, Path::new(""));
         let mut scan = InboxScan::default();
         collect(files, inbox, Path::new(""), 0, &mut scan)?;
-        let InboxScan { mut found, mut deferred, folders, mut companions } = scan;
-        let before = std::mem::take(&mut self.examined);
-        found.retain(|(path, metadata)| {
-            let examined = before.get(path).filter(|(known, _)| known == metadata);
-            let is_companion = examined.map_or_else(
-                || is_companion_at(files, &inbox.join(path), metadata.kind),
-                |(_, is_companion)| *is_companion,
-            );
-            companions += usize::from(is_companion);
-            self.examined.insert(path.clone(), (*metadata, is_companion));
-            !is_companion
+        let InboxScan { found, mut deferred, folders, mut companions } = scan;
+        folders.iter().for_each(|path| self.hints.watch(inbox, path));
+        self.note_seen(found, now, patience, |path, kind| {
+            is_companion_at(files, &inbox.join(path), kind)
         });
+        companions += self.seen.values().filter(|seen| seen.is_companion).count();
         if companions > self.companions {
             log::info!("{companions} files beside photos stay in the inbox: {KINDS}");
         }
         self.companions = companions;
-        folders.iter().for_each(|path| self.hints.watch(inbox, path));
-        let (mut waiting, unreachable) = (Waiting::default(), deferred.len());
-        let mut ready = self.sort_out(found, now, patience, &mut waiting, &mut deferred);
-        ready.sort();
+        let unreachable = deferred.len();
+        let ready = self.sort_out(now, patience, &mut deferred);
         let metadata = |path: &Path| files.metadata(&inbox.join(path)).ok();
         self.retries.retain(|path, _| metadata(path).is_some());
         self.deferred
@@ -149,60 +132,68 @@ impl Inbox {
             Some(retry) => retry.metadata != metadata(path) || now >= retry.at,
             None => true,
         };
-        let photos: Vec<PathBuf> = ready.into_iter().map(|file| file.path).filter(may_go).collect();
-        waiting.turn = photos.len();
-        waiting.retry = all - photos.len() + unreachable;
-        self.waiting = waiting;
+        let photos: Vec<PathBuf> = ready.into_iter().filter(may_go).collect();
+        self.waiting.turn = photos.len();
+        self.waiting.retry = all - photos.len() + unreachable;
         Ok(Ready { photos, waiting: all })
     }
 
-    /// Updates the files seen; returns the quiet ones and counts the others.
-    fn sort_out(
+    /// Updates the files seen.
+    fn note_seen(
         &mut self,
         found: Vec<(PathBuf, Metadata)>,
         now: Moment,
         patience: Patience,
-        waiting: &mut Waiting,
-        deferred: &mut BTreeMap<PathBuf, String>,
-    ) -> Vec<QuietFile> {
+        is_companion: impl Fn(&Path, FileKind) -> bool,
+    ) {
         let mut before = std::mem::take(&mut self.seen);
-        let mut ready = Vec::new();
-        self.due = None;
         self.hints.poll();
         let moved = self.hints.take_moved();
         for (path, metadata) in found {
             let mut seen = match before.remove(&path) {
                 Some(seen) if seen.metadata == metadata => seen,
-                _ => SeenFile { metadata, since: now, missing: None },
+                _ => {
+                    let is_companion = is_companion(&path, metadata.kind);
+                    SeenFile { metadata, since: now, is_companion, missing: None }
+                }
             };
             // A file moved in was written elsewhere and need not settle.
             if path.ancestors().any(|moved_there| moved.contains(moved_there)) {
                 seen.since = Moment(seen.since.0.min(now.0 - patience.quiet_s));
             }
-            if now.0 - seen.since.0 < patience.quiet_s {
-                waiting.settling += 1;
-                let due = Moment(seen.since.0 + patience.quiet_s);
-                self.due = Some(self.due.filter(|&before| before <= due).unwrap_or(due));
-            } else {
-                match seen.unfinished(now, patience) {
-                    // Photos deferred before come last.
-                    None => {
-                        ready.push(QuietFile {
-                            was_deferred: self.deferred.contains_key(&path),
-                            changed: metadata.changed,
-                            path: path.clone(),
-                        });
-                    }
-                    Some((unchanged_s, missing)) if unchanged_s >= patience.mention_s => {
-                        waiting.unfinished += 1;
-                        deferred.insert(path.clone(), format!("{missing} (waiting for the rest)"));
-                    }
-                    Some(_) => waiting.unfinished += 1,
-                }
-            }
             self.seen.insert(path, seen);
         }
-        ready
+    }
+
+    /// Returns the quiet photos, in the order in which they are taken, and counts the others.
+    fn sort_out(
+        &mut self,
+        now: Moment,
+        patience: Patience,
+        deferred: &mut BTreeMap<PathBuf, String>,
+    ) -> Vec<PathBuf> {
+        let mut ready = Vec::new();
+        (self.waiting, self.due) = (Waiting::default(), None);
+        for (path, seen) in self.seen.iter().filter(|(_, seen)| !seen.is_companion) {
+            if now.0 - seen.since.0 < patience.quiet_s {
+                self.waiting.settling += 1;
+                let due = Moment(seen.since.0 + patience.quiet_s);
+                self.due = Some(self.due.filter(|&before| before <= due).unwrap_or(due));
+            } else if let Some((unchanged_s, missing)) = seen.unfinished(now, patience) {
+                self.waiting.unfinished += 1;
+                if unchanged_s >= patience.mention_s {
+                    deferred.insert(path.clone(), format!("{missing} (waiting for the rest)"));
+                }
+            } else {
+                ready.push((path, seen));
+            }
+        }
+        // Photos deferred before come last.
+        let order = |&(path, seen): &(&PathBuf, &SeenFile)| {
+            (self.deferred.contains_key(path), seen.metadata.changed, path.clone())
+        };
+        ready.sort_by_cached_key(order);
+        ready.into_iter().map(|(path, _)| path.clone()).collect()
     }
 
     /// Whether the photo at `path`, ready at the last scan, is complete or has been waited for long
@@ -277,14 +268,6 @@ impl Inbox {
     pub(crate) fn has_events(&self) -> bool {
         self.hints.poll()
     }
-}
-
-/// A quiet file; the order is the one in which they are taken.
-#[derive(PartialEq, Eq, PartialOrd, Ord)]
-struct QuietFile {
-    was_deferred: bool,
-    changed: (i64, i64),
-    path: PathBuf,
 }
 
 /// Files and folders in the inbox.
@@ -372,7 +355,7 @@ mod tests {
         write("a.jpg", photo);
         write("a.log", photo);
         write("letter", b"Dear Sir");
-        let mut inbox = Inbox::new(Hints::none());
+        let mut inbox = Inbox::new(Hints::default());
         let patience =
             Patience { quiet_s: 0.0, mention_s: 0.0, unfinished_s: 0.0, trusted_unix_s: None };
         let mut scan = || {
@@ -393,7 +376,7 @@ mod tests {
         let folders = Folders::open(root.path()).unwrap();
         let file = folders.inbox.join("a.jpg");
         std::fs::write(&file, b"one").unwrap();
-        let mut inbox = Inbox::new(Hints::none());
+        let mut inbox = Inbox::new(Hints::default());
         let patience =
             Patience { quiet_s: 5.0, mention_s: 60.0, unfinished_s: 900.0, trusted_unix_s: None };
         let examined = std::cell::Cell::new(0);

@@ -22,8 +22,7 @@ pub(crate) const ATTEMPTS_MAX: u32 = 3;
 /// The record of one photo under way.
 #[derive(Debug)]
 pub(crate) struct Ledger {
-    folder: PathBuf,
-    file: OsString,
+    path: PathBuf,
     entry: LedgerEntry,
 }
 
@@ -60,24 +59,29 @@ impl Ledger {
         name: &OsStr,
         metadata: Metadata,
     ) -> Result<Ledger, FileError> {
-        let (folder, file) = (folders.working.to_owned(), record_name(name));
-        let found: Option<LedgerEntry> = folders.files.read_json(&folder.join(&file))?;
+        let path = folders.working.join(record_name(name));
+        let found: Option<LedgerEntry> = folders.files.read_json(&path)?;
         let entry =
             found.filter(|e| e.photo == name.as_bytes() && e.file == FileIdentity::from(metadata));
         let photo = name.as_bytes().to_vec();
         let new = || LedgerEntry { photo, file: metadata.into(), attempts: 0, result: None };
-        Ok(Ledger { folder, file, entry: entry.unwrap_or_else(new) })
+        Ok(Ledger { path, entry: entry.unwrap_or_else(new) })
     }
 
     /// Removes the records of photos that are not in the inbox.
     pub(super) fn sweep(folders: &Folders) -> Result<(), FileError> {
-        for (path, entry) in entries(folders)? {
-            let waits = entry.is_some_and(|entry| {
+        let (files, folder) = (&folders.files, &folders.working);
+        for (name, _) in files.list(folder)? {
+            if !name.as_bytes().starts_with(RECORD_PREFIX.as_bytes()) {
+                continue;
+            }
+            let path = folder.join(name);
+            let waits = files.read_json(&path)?.is_some_and(|entry: LedgerEntry| {
                 let home = folders.inbox.join(OsString::from_vec(entry.photo));
-                folders.files.metadata(&home).is_ok_and(|l| FileIdentity::from(l) == entry.file)
+                files.metadata(&home).is_ok_and(|l| FileIdentity::from(l) == entry.file)
             });
             if !waits {
-                folders.files.remove(&path)?;
+                files.remove(&path)?;
             }
         }
         Ok(())
@@ -112,30 +116,18 @@ impl Ledger {
     /// damaged record names no result either, and without the change the next start decides alike.
     pub(super) fn forget_result(&mut self, folders: &Folders) -> Result<(), FileError> {
         self.entry.result = None;
-        folders.files.replace_for_now(&self.folder, &self.file, &self.bytes()?)
+        folders.files.replace_for_now(&self.path, &self.bytes()?)
     }
 
     pub(super) fn close(&self, folders: &Folders) -> Result<(), FileError> {
-        folders.files.remove(&self.folder.join(&self.file))
+        folders.files.remove(&self.path)
     }
 
     fn write(&self, folders: &Folders) -> Result<(), FileError> {
-        folders.files.replace_for_good(&self.folder, &self.file, &self.bytes()?)
+        folders.files.replace_for_good(&self.path, &self.bytes()?)
     }
 
     fn bytes(&self) -> Result<Vec<u8>, FileError> {
-        json(&self.entry, &self.folder)
+        json(&self.entry, &self.path)
     }
-}
-
-/// The records in `working` with their paths; `None` for an unreadable one.
-fn entries(folders: &Folders) -> Result<Vec<(PathBuf, Option<LedgerEntry>)>, FileError> {
-    let (files, folder) = (&folders.files, &folders.working);
-    let names = files.list(folder)?.into_iter().map(|(name, _)| name);
-    let records = names.filter(|name| name.as_bytes().starts_with(RECORD_PREFIX.as_bytes()));
-    let read = |name| {
-        let path = folder.join(name);
-        files.read_json(&path).map(|entry| (path, entry))
-    };
-    records.map(read).collect()
 }

@@ -3,10 +3,6 @@
 
 use std::ffi::{OsStr, OsString};
 use std::os::unix::ffi::OsStrExt;
-use std::path::Path;
-
-use crate::disk::files::numbered;
-use crate::disk::{FileError, Files};
 
 /// Prefix of the names of records in `working`.
 pub(super) const RECORD_PREFIX: &str = ".ledger-";
@@ -25,35 +21,9 @@ pub(super) fn record_name(photo: &OsStr) -> OsString {
     format!("{RECORD_PREFIX}{}", id(photo)).into()
 }
 
-/// The first of `wanted` and its numbered variants that neither a file nor a report in `outbox`
-/// uses.
-pub(super) fn free_result_name(
-    files: &Files,
-    outbox: &Path,
-    wanted: OsString,
-) -> Result<OsString, FileError> {
-    let taken = files.taken_names(outbox)?;
-    let free = |name: &OsString| !taken.holds(name) && !taken.holds(&report_name(name));
-    Ok(numbered(&wanted).find(free).unwrap_or(wanted))
-}
-
-/// Names of a result's pictures in the gallery.
-#[derive(Debug)]
-pub(super) struct PictureNames {
-    pub(super) before: String,
-    pub(super) after: String,
-    pub(super) thumbnail: String,
-    /// Photo and result at full size, which exist where the previews are smaller.
-    pub(super) full_size: [String; 2],
-}
-
-impl PictureNames {
-    pub(super) fn of(result: &OsStr) -> PictureNames {
-        let id = id(result);
-        let (before, after) = (format!("{id}-before.jpg"), format!("{id}-after.jpg"));
-        let full_size = [&before, &after].map(|preview| full_size_address(preview));
-        PictureNames { thumbnail: thumbnail_address(&after), full_size, before, after }
-    }
+/// Names of the previews of a photo and its `result` in the gallery.
+pub(super) fn preview_names(result: &OsStr) -> [String; 2] {
+    ["before", "after"].map(|which| format!("{}-{which}.jpg", id(result)))
 }
 
 /// Address of the thumbnail beside the preview `after` of a result.

@@ -32,7 +32,7 @@ impl NightRecord {
 
     /// Writes the record, synchronised.
     pub(crate) fn save(&self, folders: &Folders) -> Result<(), FileError> {
-        let root = &folders.root;
-        folders.files.replace_for_good(root, NAME.as_ref(), &json(self, root)?)
+        let path = folders.root.join(NAME);
+        folders.files.replace_for_good(&path, &json(self, &path)?)
     }
 }

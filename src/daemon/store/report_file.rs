@@ -1,6 +1,6 @@
 //! The report beside a result and the note beside a rejected photo.
 
-use std::ffi::OsString;
+use std::ffi::{OsStr, OsString};
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
@@ -151,6 +151,18 @@ impl Report {
             number: 0,
             before: String::new(),
             after: String::new(),
+        }
+    }
+
+    /// The same report of the file `result`, with its previews in the gallery.
+    pub(super) fn named(&self, result: &OsStr, previews: &[String; 2]) -> Report {
+        let [before, after] = previews;
+        Report {
+            result: result.to_string_lossy().into_owned(),
+            result_address: address(result),
+            before: format!("gallery/{before}"),
+            after: format!("gallery/{after}"),
+            ..self.clone()
         }
     }
 

@@ -1,10 +1,8 @@
 //! Photos taken by the box itself, put into its inbox.
 
-use std::ffi::OsStr;
-
 use super::folders::Folders;
 use crate::disk::FileError;
-use crate::disk::files::numbered;
+use crate::disk::files::TakenNames;
 use crate::restorer::photo_file::TakenPhoto;
 
 /// Writes `photo` into the inbox, whole and synchronised, under a name with the date `unix_s`;
@@ -14,18 +12,12 @@ pub(crate) fn keep(
     photo: &TakenPhoto,
     unix_s: u64,
 ) -> Result<String, FileError> {
-    let (files, inbox) = (&folders.files, &folders.inbox);
-    let taken = files.taken_names(inbox)?;
     let name = format!("photo-{}.{}", date(unix_s), photo.ending);
-    let mut free = numbered(OsStr::new(&name)).filter(|name| !taken.holds(name));
-    loop {
-        let name = free.next().unwrap_or_default();
-        match files.write_new(inbox, &name, &mut &*photo.bytes) {
-            // The name was taken since the check.
-            Err(error) if error.kind() == std::io::ErrorKind::AlreadyExists => {}
-            written => return written.map(|()| name.to_string_lossy().into_owned()),
-        }
-    }
+    let (files, inbox) = (&folders.files, &folders.inbox);
+    files.with_free_name(inbox, name.as_ref(), &TakenNames::holds, &mut |name| {
+        files.write_new(inbox, name, &mut &*photo.bytes)?;
+        Ok(name.to_string_lossy().into_owned())
+    })
 }
 
 /// Date and time by the box's calendar, which may be wrong: duplicate names get a number.
