@@ -4,6 +4,7 @@ use std::io::ErrorKind;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 
+use super::clocks::Clocks;
 use super::error::DaemonError;
 use super::setting::DaemonSetting;
 use super::store::claim::{Claimed, JobStep, flat_name};
@@ -18,7 +19,7 @@ use crate::picture::{Growth, Photo, PictureError, result_name};
 use crate::pipeline::Outcome;
 use crate::remedy::{AnyFailure, Remediable, Remedy, full_message};
 use crate::restorer::{Progress, Restorer};
-use crate::rig::{Clock, Moment};
+use crate::rig::Moment;
 
 /// Attempts at a photo in one job when the rig fails. Guess.
 const TRIES_MAX: u32 = 3;
@@ -123,9 +124,7 @@ pub(super) struct Job<'a> {
     pub(super) folders: &'a Folders,
     pub(super) setting: &'a DaemonSetting,
     pub(super) restorer: &'a mut dyn Restorer,
-    pub(super) clock: &'a dyn Clock,
-    /// The calendar, seconds since 1970.
-    pub(super) unix_s: &'a dyn Fn() -> u64,
+    pub(super) clocks: &'a Clocks<'a>,
     /// Number of its report.
     pub(super) number: u64,
     pub(super) watcher: &'a mut dyn Watcher,
@@ -280,7 +279,7 @@ impl Job<'_> {
             false => result_name(&photo.name, read.manner.format),
         };
         let report = Report {
-            finished_unix_s: (self.unix_s)(),
+            finished_unix_s: self.clocks.unix_s(),
             number: self.number,
             ..Report::single(&self.setting.rig, &read, &outcome, wanted.as_ref(), format)
         };
@@ -298,12 +297,12 @@ impl Job<'_> {
             Err(error) => error,
         };
         // An older file was watched before: checking hundreds of damaged photos would delay others.
-        let now = (self.unix_s)() as i64;
+        let now = self.clocks.unix_s() as i64;
         // By calendars that were set, it may lie in the future.
         let is_recent = |metadata: Metadata| now.abs_diff(metadata.changed.0) < RECENT_S;
         let is_recent = before.is_none_or(is_recent);
         if error.growth() != Growth::None && is_recent {
-            self.clock.wait_until(Moment(self.clock.now().0 + GROWTH_WATCH_S));
+            self.clocks.clock.wait_until(Moment(self.clocks.moment().0 + GROWTH_WATCH_S));
             if files.metadata(path).ok() != before {
                 return Err(JobError::Growing(error));
             }

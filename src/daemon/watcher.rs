@@ -7,25 +7,17 @@ use crate::restorer::Progress;
 /// Observes the daemon. The default methods do nothing.
 pub trait Watcher {
     /// A photo is begun: its name, its number in this pass and the number of photos.
-    fn begun(&mut self, name: &str, number: usize, of: usize) {
-        let _ = (name, number, of);
-    }
+    fn begun(&mut self, _name: &str, _number: usize, _of: usize) {}
     /// The restoration has progressed.
-    fn progress(&mut self, progress: Progress) {
-        let _ = progress;
-    }
+    fn progress(&mut self, _progress: Progress) {}
     /// A step of the job has changed the disk.
-    fn step(&mut self, step: JobStep) {
-        let _ = step;
-    }
+    fn step(&mut self, _step: JobStep) {}
     /// The job has ended; its log line follows.
     fn ended(&mut self) {}
     /// The inbox was scanned.
     fn scanned(&mut self) {}
     /// The state of the daemon has changed.
-    fn doing(&mut self, doing: &Doing) {
-        let _ = doing;
-    }
+    fn doing(&mut self, _doing: &Doing) {}
 }
 
 /// No observer.

@@ -110,7 +110,7 @@ pub enum PictureError {
 impl PictureError {
     /// The refusal of `found`, which is no plain file.
     pub fn not_a_file(name: &str, found: &'static str) -> PictureError {
-        PictureError::Refused { name: name.to_owned(), flaw: Flaw::NotAFile { found } }
+        Flaw::NotAFile { found }.of(name)
     }
 
     /// Whether the file is refused whatever follows.
@@ -133,6 +133,11 @@ impl PictureError {
 }
 
 impl Flaw {
+    /// The refusal of the photo called `name`.
+    pub(super) fn of(self, name: &str) -> PictureError {
+        PictureError::Refused { name: name.to_owned(), flaw: self }
+    }
+
     /// The flaw of a file that ends in a hole of zero bytes, in place of `other`.
     pub(super) fn hole_or(bytes: &[u8], other: Flaw) -> Flaw {
         let length = bytes.len();

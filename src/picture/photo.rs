@@ -1,6 +1,5 @@
 //! A customer's photo in linear light, with the format and metadata of its result.
 
-use std::fs::File;
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
@@ -14,7 +13,7 @@ use super::decode::{Heading, Limits, Raster, bits_of, decode, walk};
 use super::dng::RawFile;
 use super::kind::{Content, Format, is_raw_name, misnamed, tiff_of_a_camera};
 use super::metadata::Lost;
-use super::reading::{open, read_bytes};
+use super::reading::bytes_of;
 use super::tone::StatedColours;
 use super::{
     CameraColours, ColorType, Flaw, Orientation, PhotoCamera, PictureError, Tone, exif, shape,
@@ -114,19 +113,8 @@ impl Photo {
     /// [`PictureError::Read`] when the file cannot be read, [`PictureError::Refused`] with its
     /// [`Flaw`].
     pub fn read(path: &Path, curve: Curve, limits: &Limits) -> Result<Photo, PictureError> {
-        let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
-        let file = open(path, &name)?;
-        Photo::of_file(&name, file, curve, limits)
-    }
-
-    /// The photo in the plain file `file`, called `name`.
-    pub fn of_file(
-        name: &str,
-        file: File,
-        curve: Curve,
-        limits: &Limits,
-    ) -> Result<Photo, PictureError> {
-        Photo::from_bytes(name, &read_bytes(file, name, limits)?, curve, limits)
+        let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy();
+        Photo::from_bytes(&name, &bytes_of(path, limits)?, curve, limits)
     }
 
     /// Its light in three channels: a grey photo's green plane in all of them.
@@ -142,7 +130,7 @@ impl Photo {
         curve: Curve,
         limits: &Limits,
     ) -> Result<Photo, PictureError> {
-        let refused = |flaw| PictureError::Refused { name: name.to_owned(), flaw };
+        let refused = |flaw: Flaw| flaw.of(name);
         // A maker's raw photo has another sentence than that on its preview's shape.
         let grid = limits.grid.filter(|_| !is_raw_name(name));
         let limits = Limits { grid, ..*limits };
@@ -270,12 +258,10 @@ impl Photo {
             return Ok(self);
         }
         if self.raw.is_some() {
-            let flaw = Flaw::RawSize { found, allowed, sensor };
-            return Err(PictureError::Refused { name: self.name, flaw });
+            return Err(Flaw::RawSize { found, allowed, sensor }.of(&self.name));
         }
-        if let Err(flaw) = shape::check(found, self.manner.orientation, grid) {
-            return Err(PictureError::Refused { name: self.name, flaw });
-        }
+        let checked = shape::check(found, self.manner.orientation, grid);
+        checked.map_err(|flaw| flaw.of(&self.name))?;
         self.light = Frame::from_fn(|channel| match self.channels.list().contains(&channel) {
             true => resize(self.light.plane(channel), allowed),
             false => Plane::zeros(allowed),

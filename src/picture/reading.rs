@@ -74,8 +74,7 @@ impl ReadOptions {
         }
         let (found, allowed) = (photo.stored, photo.light.size());
         if self.larger_photos == LargerPhotos::Refuse && found.area() > allowed.area() {
-            let flaw = Flaw::Larger { found, allowed };
-            return Err(PictureError::Refused { name: photo.name, flaw });
+            return Err(Flaw::Larger { found, allowed }.of(&photo.name));
         }
         Ok(photo)
     }
@@ -98,7 +97,7 @@ pub fn whole(name: &str, file: File, limits: &Limits) -> Result<(), PictureError
         }
         (Ok(_), None) => return Ok(()),
     };
-    Err(PictureError::Refused { name: name.to_owned(), flaw })
+    Err(flaw.of(name))
 }
 
 /// The first part of `file` that its disk holds no data for, as in a copy that reserves its space
@@ -114,15 +113,11 @@ fn hole_of(file: &File) -> Option<Range<usize>> {
 /// The bytes of the photo in `path`, which is no link, pipe or device.
 pub fn bytes_of(path: &Path, limits: &Limits) -> Result<Vec<u8>, PictureError> {
     let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy();
-    read_bytes(open(path, &name)?, &name, limits)
-}
-
-pub(super) fn open(path: &Path, name: &str) -> Result<File, PictureError> {
     // A pipe would block the open, and a link may lead anywhere.
     let flags = OFlags::RDONLY | OFlags::NOFOLLOW | OFlags::NONBLOCK | OFlags::CLOEXEC;
     match rustix::fs::open(path, flags, Mode::empty()) {
-        Ok(fd) => Ok(File::from(fd)),
-        Err(rustix::io::Errno::LOOP) => Err(PictureError::not_a_file(name, "a link")),
+        Ok(fd) => read_bytes(fd.into(), &name, limits),
+        Err(rustix::io::Errno::LOOP) => Err(PictureError::not_a_file(&name, "a link")),
         Err(errno) => Err(PictureError::Read { path: path.to_owned(), source: errno.into() }),
     }
 }
@@ -136,14 +131,12 @@ pub(super) fn read_bytes(file: File, name: &str, limits: &Limits) -> Result<Vec<
         return Err(PictureError::not_a_file(name, found));
     }
     if about.len() > limits.bytes_max {
-        let flaw = Flaw::TooLong { found: about.len(), allowed: limits.bytes_max };
-        return Err(PictureError::Refused { name: name.to_owned(), flaw });
+        return Err(Flaw::TooLong { found: about.len(), allowed: limits.bytes_max }.of(name));
     }
     if about.len() > WHOLE_BYTES_MAX {
         let mut head = Vec::new();
         (&file).take(HEAD_BYTES).read_to_end(&mut head).map_err(read)?;
-        let checked = check_head(&file, &head, limits);
-        checked.map_err(|flaw| PictureError::Refused { name: name.to_owned(), flaw })?;
+        check_head(&file, &head, limits).map_err(|flaw| flaw.of(name))?;
         (&file).rewind().map_err(read)?;
     }
     let mut bytes = Vec::with_capacity(about.len() as usize);

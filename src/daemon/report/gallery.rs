@@ -6,8 +6,6 @@ use std::collections::{HashMap, HashSet};
 use std::ffi::{OsStr, OsString};
 use std::path::Path;
 
-use serde::Serialize;
-
 use super::card::{GalleryPhoto, state};
 use super::html::harmless;
 use super::page;
@@ -174,7 +172,7 @@ impl Gallery {
             })
             .collect();
         self.last_page = write_photo_pages(folders, &shown, &mut self.written, self.last_page)?;
-        let data = Data {
+        let overview = page::Overview {
             rig,
             written_unix_s: now_unix_s,
             counts: self.counts(),
@@ -182,18 +180,10 @@ impl Gallery {
             failed: &self.failed,
             deferred,
         };
-        files.replace_for_now(&previews.join("report.json"), &json(&data, outbox)?)?;
+        files.replace_for_now(&previews.join("report.json"), &json(&overview, outbox)?)?;
         let names = names_script(&self.reports, outbox)?;
         files.replace_for_now(&previews.join("names.js"), &names)?;
-        let html = page::first_page(&page::Overview {
-            rig,
-            photos: &shown,
-            failed: &self.failed,
-            deferred,
-            waiting: self.waiting,
-            now: super::now::address(folders).as_deref(),
-            now_unix_s,
-        });
+        let html = page::first_page(&overview, &shown, super::now::address(folders).as_deref());
         files.replace(&outbox.join("index.html"), html.as_bytes())
     }
 }
@@ -249,16 +239,4 @@ fn names_script(reports: &[Report], outbox: &Path) -> Result<Vec<u8>, FileError>
         })
         .collect();
     Ok([b"relensNames(", &json(&rows, outbox)?[..], b");\n"].concat())
-}
-
-/// The gallery as data, for other programs.
-#[derive(Serialize)]
-#[serde(rename_all = "kebab-case")]
-struct Data<'a> {
-    rig: &'a str,
-    written_unix_s: u64,
-    counts: PhotoCounts,
-    photos: &'a [Report],
-    failed: &'a [Failed],
-    deferred: &'a [Failed],
 }

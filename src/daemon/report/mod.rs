@@ -21,8 +21,8 @@ use summary::Summary;
 
 /// Writes the state file and the gallery.
 pub(super) struct Reporter {
-    rig: String,
-    needs_button: bool,
+    /// As written.
+    state: State,
     pub(super) gallery: Gallery,
     written: Option<Moment>,
     /// Whether the gallery shows results that were removed.
@@ -30,10 +30,6 @@ pub(super) struct Reporter {
     /// Photos without a result in the gallery as written.
     shown: (Vec<Failed>, Waiting),
     summary: Summary,
-    /// Numbers of waiting photos as written.
-    waiting: Waiting,
-    /// State as written.
-    doing: Doing,
 }
 
 /// Photos in the inbox at a time.
@@ -53,15 +49,12 @@ impl Reporter {
         needs_button: bool,
     ) -> Result<Reporter, FileError> {
         Ok(Reporter {
-            rig: rig.to_owned(),
-            needs_button,
+            state: State { needs_button, ..State::new(rig, Doing::Waiting, 0) },
             gallery: Gallery::load(folders)?,
             written: None,
             stale: false,
             shown: (Vec::new(), Waiting::default()),
             summary: Summary::default(),
-            waiting: Waiting::default(),
-            doing: Doing::Waiting,
         })
     }
 
@@ -96,20 +89,14 @@ impl Reporter {
 
     /// Writes the state file and the page's status line. Errors are logged only.
     pub(super) fn set_doing(&mut self, folders: &Folders, doing: Doing, snapshot: &Snapshot) {
-        (self.doing, self.waiting) = (doing.clone(), snapshot.waiting);
         self.gallery.waiting = snapshot.waiting;
-        let state = State {
-            rig: self.rig.clone(),
-            doing,
-            counts: self.gallery.counts(),
-            needs_button: self.needs_button,
-            written_unix_s: snapshot.unix_s,
-        };
-        if let Err(error) = state.write(folders) {
-            log::debug!("{}", full_message(&error));
-        }
-        if let Err(error) = now::write(folders, &state.doing, snapshot.unix_s) {
-            log::debug!("{}", full_message(&error));
+        let state = &mut self.state;
+        (state.doing, state.counts) = (doing, self.gallery.counts());
+        state.written_unix_s = snapshot.unix_s;
+        for written in [state.write(folders), now::write(folders, &state.doing, snapshot.unix_s)] {
+            if let Err(error) = written {
+                log::debug!("{}", full_message(&error));
+            }
         }
     }
 
@@ -120,8 +107,8 @@ impl Reporter {
 
     /// Writes changed numbers of waiting photos, and the gallery when it is due.
     pub(super) fn update_waiting(&mut self, folders: &Folders, snapshot: &Snapshot) {
-        if self.waiting != snapshot.waiting {
-            self.set_doing(folders, self.doing.clone(), snapshot);
+        if self.state.counts.waiting != snapshot.waiting {
+            self.set_doing(folders, self.state.doing.clone(), snapshot);
         }
         let (deferred, waiting) = &self.shown;
         let is_shown = *deferred == snapshot.deferred && *waiting == snapshot.waiting;
@@ -142,7 +129,7 @@ impl Reporter {
         (self.written, self.stale) = (Some(snapshot.moment), false);
         self.shown = (snapshot.deferred.clone(), snapshot.waiting);
         self.gallery.waiting = snapshot.waiting;
-        self.gallery.write(folders, &self.rig, &snapshot.deferred, snapshot.unix_s)
+        self.gallery.write(folders, &self.state.rig, &snapshot.deferred, snapshot.unix_s)
     }
 }
 

@@ -3,11 +3,13 @@
 use std::ffi::OsStr;
 use std::fmt::Write;
 
+use serde::Serialize;
+
 use super::card::{GalleryPhoto, card, thumbnail};
 use super::html::{escape, moment};
+use super::summary::PhotoCounts;
 use crate::daemon::store::names::address;
-use crate::daemon::store::report_file::{Failed, ResultKind};
-use crate::daemon::store::waiting::Waiting;
+use crate::daemon::store::report_file::{Failed, Report};
 use crate::kiosk::screen::photos;
 
 /// Photos without a result listed openly; longer lists are folded.
@@ -38,25 +40,29 @@ pub(super) fn number(name: &OsStr) -> Option<usize> {
     name.to_str()?.strip_prefix("photos-")?.strip_suffix(".html")?.parse().ok()
 }
 
-/// Contents of the first page.
+/// Contents of the first page; as JSON, the gallery for other programs.
+#[derive(Serialize)]
+#[serde(rename_all = "kebab-case")]
 pub(super) struct Overview<'a> {
     pub(super) rig: &'a str,
-    /// All photos with a result, newest first.
-    pub(super) photos: &'a [GalleryPhoto<'a>],
+    pub(super) written_unix_s: u64,
+    pub(super) counts: PhotoCounts,
+    /// Photos with a result, oldest first.
+    pub(super) photos: &'a [Report],
     pub(super) failed: &'a [Failed],
     pub(super) deferred: &'a [Failed],
-    /// Numbers of waiting photos, the deferred included.
-    pub(super) waiting: Waiting,
-    /// Address of the status line, if written.
-    pub(super) now: Option<&'a str>,
-    pub(super) now_unix_s: u64,
 }
 
-/// The first page: counts, failures, newest photos.
-pub(super) fn first_page(overview: &Overview<'_>) -> String {
-    let &Overview { rig, photos: all, failed, deferred, now_unix_s, .. } = overview;
-    let mut html = head(&format!("<p>{}</p>\n", counts(overview)), "", all.len());
-    if let Some(now) = overview.now {
+/// The first page: counts, failures, the newest of `all` photos, and the status line at the address
+/// `now`.
+pub(super) fn first_page(
+    overview: &Overview<'_>,
+    all: &[GalleryPhoto<'_>],
+    now: Option<&str>,
+) -> String {
+    let &Overview { rig, counts: numbers, failed, deferred, written_unix_s, .. } = overview;
+    let mut html = head(&format!("<p>{}</p>\n", counts(numbers)), "", all.len());
+    if let Some(now) = now {
         let _ = writeln!(
             html,
             "<iframe class=\"now\" title=\"Status of the box\" src=\"{now}\"></iframe>"
@@ -77,21 +83,20 @@ pub(super) fn first_page(overview: &Overview<'_>) -> String {
         html,
         "<p class=\"quiet\">Written {} by the rig {}. Also available <a \
          href=\"gallery/report.json\">as data</a>.</p>",
-        moment(now_unix_s),
+        moment(written_unix_s),
         escape(rig),
     );
     foot(html)
 }
 
 /// Numbers of photos by outcome, in HTML.
-fn counts(overview: &Overview<'_>) -> String {
-    let &Overview { photos: all, failed, waiting, .. } = overview;
-    let restored = all.iter().filter(|p| p.report.outcome == ResultKind::Restored).count();
+fn counts(numbers: PhotoCounts) -> String {
+    let PhotoCounts { restored, untouched, failed, waiting } = numbers;
     let waiting_words = waiting.to_string();
     let mut counts = vec![format!("<b>{restored}</b> restored")];
     for (n, words) in [
-        (all.len() - restored, "unchanged"),
-        (failed.len(), "failed"),
+        (untouched, "unchanged"),
+        (failed, "failed"),
         (waiting.all(), waiting_words.split_once(' ').map_or("waiting", |(_, words)| words)),
     ] {
         if n > 0 {
@@ -240,7 +245,7 @@ fn list(
 mod tests {
     use super::*;
     use crate::daemon::report::tests::report;
-    use crate::daemon::store::report_file::Report;
+    use crate::daemon::store::waiting::Waiting;
 
     fn report_of(photo: &str) -> Report {
         Report {
@@ -255,21 +260,19 @@ mod tests {
         }
     }
 
-    fn overview<'a>(
-        rig: &'a str,
-        photos: &'a [GalleryPhoto<'a>],
-        failed: &'a [Failed],
-        deferred: &'a [Failed],
-    ) -> Overview<'a> {
-        Overview {
-            rig,
-            photos,
-            failed,
-            deferred,
-            waiting: Waiting { settling: 2, ..Waiting::default() },
-            now: None,
-            now_unix_s: 0,
-        }
+    fn page(
+        rig: &str,
+        photos: &[GalleryPhoto<'_>],
+        failed: &[Failed],
+        deferred: &[Failed],
+        now: Option<&str>,
+    ) -> String {
+        let waiting = Waiting { settling: 2, ..Waiting::default() };
+        let mut counts = PhotoCounts { failed: failed.len(), waiting, ..PhotoCounts::default() };
+        photos.iter().for_each(|photo| counts.add(photo.report.outcome));
+        let (written_unix_s, all) = (0, &[]);
+        let overview = Overview { rig, written_unix_s, counts, photos: all, failed, deferred };
+        first_page(&overview, photos, now)
     }
 
     #[test]
@@ -285,7 +288,7 @@ mod tests {
             original: Some("../done/a.jpg"),
             scene: None,
         }];
-        let html = first_page(&overview("small", &photos, &failed, &[]));
+        let html = page("small", &photos, &failed, &[], None);
         for wanted in [
             "gallery/1-before.jpg",
             "gallery/1-after.jpg",
@@ -313,7 +316,7 @@ mod tests {
             .map(|n| Failed { photo: format!("{n}.jpg"), reason: "not a photo".into() })
             .collect();
         for (count, open) in [(2, true), (400, false)] {
-            let html = first_page(&overview("small", &[], &failed[..count], &[]));
+            let html = page("small", &[], &failed[..count], &[], None);
             let list = html.split("<details class=\"aside failed\"").nth(1).unwrap();
             assert_eq!(list.starts_with(" open>"), open);
             assert!(list.contains(&format!("<summary>Failed: {count}</summary>")), "{count}");
@@ -326,11 +329,9 @@ mod tests {
         let failed = [Failed { photo: name.into(), reason: format!("{name}: <img src=x>") }];
         let report = report_of(name);
         let photos = [GalleryPhoto { report: &report, number: 0, original: None, scene: None }];
-        let html = first_page(&overview("<b>rig", &photos, &failed, &failed));
+        let html = page("<b>rig", &photos, &failed, &failed, None);
         assert_eq!(html.matches("<script>").count(), 2, "the page's own");
-        let overview =
-            Overview { now: Some("gallery/now.html"), ..overview("small", &[], &[], &[]) };
-        let html = html + &first_page(&overview);
+        let html = html + &page("small", &[], &[], &[], Some("gallery/now.html"));
         assert!(
             !html.contains("<img src=x>") && !html.contains("<b>rig") && !html.contains('\u{202e}')
         );

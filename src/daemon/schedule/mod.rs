@@ -71,15 +71,12 @@ pub enum Event<'a> {
 /// Decides when photos are restored. Between photos a schedule may use the rig.
 pub trait Schedule {
     /// Decides what to do next; called before each photo and at each scan that finds none.
-    fn turn(&mut self, asked: Question, rig: &mut dyn Restorer) -> Turn {
-        let _ = (asked, rig);
+    fn turn(&mut self, _asked: Question, _rig: &mut dyn Restorer) -> Turn {
         Turn::Go
     }
 
     /// Receives an event.
-    fn notify(&mut self, event: Event<'_>, rig: &mut dyn Restorer) {
-        let _ = (event, rig);
-    }
+    fn notify(&mut self, _event: Event<'_>, _rig: &mut dyn Restorer) {}
 
     /// Whether to scan at once and retry deferred photos; asked several times a second.
     fn impatient(&self) -> bool {

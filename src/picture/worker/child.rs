@@ -25,14 +25,13 @@ pub fn serve(ask: &str) -> io::Result<()> {
         Purpose::Whole => {
             whole(name, file, &ask.limits).map(|()| write(&mut out, &Answer::<()>::Whole))
         }
-        Purpose::Photo(curve, grid) => Photo::of_file(name, file, curve, &ask.limits.on(grid))
+        Purpose::Photo(curve, grid) => read_bytes(file, name, &ask.limits.on(grid))
+            .and_then(|bytes| Photo::from_bytes(name, &bytes, curve, &ask.limits.on(grid)))
             .and_then(|photo| photo.fit(grid))
             .map(|photo| wire::write_photo(&mut out, &photo)),
-        Purpose::Frame(size) => read_bytes(file, name, &ask.limits).and_then(|bytes| {
-            let refused = |flaw| PictureError::Refused { name: name.clone(), flaw };
-            let counts = camera_frame(&bytes, size).map_err(refused)?;
-            Ok(wire::write_frame(&mut out, &counts))
-        }),
+        Purpose::Frame(size) => read_bytes(file, name, &ask.limits)
+            .and_then(|bytes| camera_frame(&bytes, size).map_err(|flaw| flaw.of(name)))
+            .map(|counts| wire::write_frame(&mut out, &counts)),
     };
     match written {
         Ok(written) => written?,

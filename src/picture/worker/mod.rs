@@ -118,23 +118,24 @@ impl Worker {
             .spawn()
             .map_err(no_worker)?;
         let output = self.read_output(&mut child, wire::bytes_max(ask));
-        if !matches!(output, Ok(WorkerOutput::All(_))) {
+        if !matches!(output, Ok(Ok(_))) {
             let _ = child.kill();
         }
         let ended = child.wait().map_err(no_worker)?;
         match output.map_err(no_worker)? {
-            WorkerOutput::All(bytes) if ended.success() => Ok(bytes),
-            WorkerOutput::All(_) => Err(died(&ask.name, self.cause(ended))),
-            WorkerOutput::TooMuch => Err(died(&ask.name, "its answer was too long".to_owned())),
-            WorkerOutput::TooLate => {
-                Err(died(&ask.name, format!("no answer within {} s", self.wall_s_max)))
-            }
+            Ok(bytes) if ended.success() => Ok(bytes),
+            Ok(_) => Err(died(&ask.name, self.cause(ended))),
+            Err(how) => Err(died(&ask.name, how)),
         }
     }
 
-    /// Reads all that `child` writes, within the time limit.
-    fn read_output(&self, child: &mut Child, bytes_max: u64) -> io::Result<WorkerOutput> {
-        let Some(mut out) = child.stdout.take() else { return Ok(WorkerOutput::All(Vec::new())) };
+    /// Reads all that `child` writes; the inner error is a limit that it passed.
+    fn read_output(
+        &self,
+        child: &mut Child,
+        bytes_max: u64,
+    ) -> io::Result<Result<Vec<u8>, String>> {
+        let Some(mut out) = child.stdout.take() else { return Ok(Ok(Vec::new())) };
         let timer = timerfd_create(TimerfdClockId::Monotonic, TimerfdFlags::CLOEXEC)?;
         let zero = Timespec { tv_sec: 0, tv_nsec: 0 };
         let end = Timespec { tv_sec: self.wall_s_max.cast_signed(), tv_nsec: 0 };
@@ -152,12 +153,12 @@ impl Worker {
                 polled => polled?,
             };
             if !watched[1].revents().is_empty() {
-                return Ok(WorkerOutput::TooLate);
+                return Ok(Err(format!("no answer within {} s", self.wall_s_max)));
             }
             match out.read(&mut piece) {
-                Ok(0) => return Ok(WorkerOutput::All(bytes)),
+                Ok(0) => return Ok(Ok(bytes)),
                 Ok(length) if (bytes.len() + length) as u64 > bytes_max => {
-                    return Ok(WorkerOutput::TooMuch);
+                    return Ok(Err("its answer was too long".to_owned()));
                 }
                 Ok(length) => bytes.extend_from_slice(&piece[..length]),
                 Err(error) if error.kind() == ErrorKind::Interrupted => {}
@@ -198,12 +199,6 @@ pub fn photo_of_answer(name: &str, answer: &[u8], size: Size) -> Result<Photo, P
 
 fn read(name: &str, answer: &mut &[u8]) -> Result<Answer, PictureError> {
     wire::read(answer).map_err(|how| died(name, format!("it answered {how}")))
-}
-
-enum WorkerOutput {
-    All(Vec<u8>),
-    TooMuch,
-    TooLate,
 }
 
 fn died(name: &str, how: String) -> PictureError {

@@ -1,11 +1,12 @@
 //! The protocol between daemon and worker: one question, one answer.
 //!
 //! An answer is a length (u32, little-endian), as many bytes of postcard, and then the planes that
-//! they list, row by row, f32 little-endian. It is validated as untrusted: the file may have taken
-//! the worker over.
+//! they list, row by row, f32 as the machine has them. It is validated as untrusted: the file may
+//! have taken the worker over.
 
 use std::io::{self, Read, Write};
 
+use bytemuck::{cast_slice, pod_collect_to_vec};
 use serde::{Deserialize, Serialize};
 
 use super::super::decode::bits_of;
@@ -116,13 +117,10 @@ pub(super) fn write_photo(out: &mut dyn Write, photo: &Photo) -> io::Result<()> 
     let alpha = manner.alpha.as_ref();
     write(out, &Answer::Photo(Header { photo, size: light.size(), alpha: alpha.is_some() }))?;
     for plane in channels.list().iter().map(|&channel| light.plane(channel)).chain(alpha) {
-        let bytes: Vec<u8> = plane.data().iter().flat_map(|v| v.to_le_bytes()).collect();
-        out.write_all(&bytes)?;
+        out.write_all(cast_slice(plane.data()))?;
     }
     for component in coding.iter().flat_map(|coding| &coding.components) {
-        let numbers = component.coefficients.iter();
-        let bytes: Vec<u8> = numbers.flat_map(|v| v.to_le_bytes()).collect();
-        out.write_all(&bytes)?;
+        out.write_all(cast_slice(&component.coefficients))?;
     }
     out.flush()
 }
@@ -148,8 +146,7 @@ pub(super) fn read_photo(
     let mut plane = || {
         let (plane, rest) = bytes.split_at_checked(4 * allowed.area()).ok_or("planes cut short")?;
         *bytes = rest;
-        let light: Vec<f32> =
-            plane.chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect();
+        let light: Vec<f32> = pod_collect_to_vec(plane);
         if light.iter().any(|v| !v.is_finite()) {
             return Err("light that is not finite");
         }
@@ -214,8 +211,7 @@ fn read_coding(
         let length = 2 * component.blocks.area() * BLOCK_AREA;
         let (numbers, rest) = bytes.split_at_checked(length).ok_or("coefficients cut short")?;
         *bytes = rest;
-        component.coefficients =
-            numbers.chunks_exact(2).map(|b| i16::from_le_bytes([b[0], b[1]])).collect();
+        component.coefficients = pod_collect_to_vec(numbers);
     }
     let sound = coding.size == allowed && coding.is_whole();
     if sound { Ok(coding) } else { Err("invalid coefficients") }
