@@ -119,7 +119,6 @@ impl From<JobError> for DaemonError {
     }
 }
 
-/// What a job works with.
 pub(super) struct Job<'a> {
     pub(super) folders: &'a Folders,
     pub(super) setting: &'a DaemonSetting,
@@ -128,7 +127,6 @@ pub(super) struct Job<'a> {
     /// Number of its report.
     pub(super) number: u64,
     pub(super) watcher: &'a mut dyn Watcher,
-    /// Receives the progress of the restoration.
     pub(super) on_progress: &'a mut dyn FnMut(Progress),
     pub(super) unsettled: &'a mut Unsettled,
     /// The refusal by the completeness check, with the metadata of the checked file.
@@ -315,13 +313,12 @@ impl Job<'_> {
         let mut tries = 1;
         let mut logged = None;
         loop {
-            let failure = match self.try_to_restore(photo)? {
+            let error = match self.try_to_restore(photo) {
                 Ok(restored) => return Ok(restored),
-                Err(failure) => failure,
+                Err(error) => error,
             };
-            let remedy = failure.remedy();
+            let remedy = error.remedy();
             let repairs = matches!(remedy, Remedy::Recalibrate | Remedy::ReopenRig);
-            let error = JobError::Rig { photo: photo.name.clone(), failure };
             if tries == TRIES_MAX || !(repairs || remedy == Remedy::ShootAgain) {
                 return Err(error);
             }
@@ -338,11 +335,7 @@ impl Job<'_> {
         }
     }
 
-    /// Restores the photo once.
-    ///
-    /// # Errors
-    /// Outer: internal errors. Inner: failures of the rig.
-    fn try_to_restore(&mut self, photo: &Photo) -> Result<Result<Outcome, AnyFailure>, JobError> {
+    fn try_to_restore(&mut self, photo: &Photo) -> Result<Outcome, JobError> {
         let (watcher, restorer) = (&mut self.watcher, &mut self.restorer);
         let on_progress = &mut self.on_progress;
         let mut report = |progress| {
@@ -355,7 +348,10 @@ impl Job<'_> {
                 let (found, allowed) = (restored.picture.size(), photo.light.size());
                 format!("the result has {found} pixels, expected {allowed}")
             }
-            Ok(restored) => return Ok(restored),
+            Ok(restored) => {
+                let of_rig = |failure| JobError::Rig { photo: photo.name.clone(), failure };
+                return restored.map_err(of_rig);
+            }
             Err(_) => "the restoration panicked".to_owned(),
         };
         let error = JobError::Internal { photo: photo.name.clone(), what };

@@ -291,7 +291,6 @@ impl<'a> Daemon<'a> {
         now.0 - scanned.0 >= self.setting.poll_s || self.inbox.due.is_some_and(|due| now >= due)
     }
 
-    /// Asks the schedule.
     fn ask(&mut self, waiting: usize, is_ready: bool) -> Result<Turn, DaemonError> {
         let asked = Question { waiting, is_ready, parts: self.inbox.waiting };
         match self.schedule.turn(asked, &mut *self.restorer) {

@@ -5,12 +5,10 @@ use crate::config::Curve;
 
 /// A colour of CIELAB under D65: lightness 0..100, then green to red and blue to yellow.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[allow(missing_docs)] // The names describe them.
 pub struct Lab {
-    /// L*.
     pub lightness: f64,
-    /// a*.
     pub a: f64,
-    /// b*.
     pub b: f64,
 }
 

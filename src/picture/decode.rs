@@ -77,7 +77,6 @@ pub(super) struct Raster {
     pub(super) exif: Option<Vec<u8>>,
     /// What its result lacks.
     pub(super) lost: BTreeSet<Lost>,
-    /// A JPEG's quantised coefficients.
     pub(super) coding: Option<Coding>,
     /// Whether the file states sRGB's colours.
     pub(super) is_srgb: bool,
@@ -270,7 +269,6 @@ pub(super) fn check_head(mut file: &File, head: &[u8], limits: &Limits) -> Resul
     }
 }
 
-/// Reads all that `decoder` gives.
 fn collect<D: ImageDecoder>(
     decoder: image::ImageResult<D>,
     content: Content,

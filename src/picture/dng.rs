@@ -171,7 +171,7 @@ pub(super) fn find(bytes: &[u8]) -> Result<Option<RawFile>, Flaw> {
 impl RawFile {
     /// The walk over the file; its size is that of all sites, masked ones included.
     pub(super) fn walked(&self) -> Walked {
-        Walked { size: Some(self.blocks.size()), ..Walked::default() }
+        Walked { size: Some(self.blocks.size), ..Walked::default() }
     }
 
     /// The part of it that the file proposes to show, where that has a size of the rig's `grid` and
@@ -301,7 +301,6 @@ impl Directory<'_> {
         is_inside.then(|| Rect { x, y, size: Size::new(width, height) })
     }
 
-    /// The camera, if stated.
     fn camera(&self) -> Option<PhotoCamera> {
         let text = |tag| self.text(tag).ok().flatten().filter(|text| !text.is_empty());
         let setting = text(DESCRIPTION).and_then(|words| RigSetting::of_words(&words));

@@ -57,7 +57,6 @@ impl Field {
         Some(Field { kind, count, bytes })
     }
 
-    /// The place of a directory.
     fn pointer(to: u32) -> Field {
         Field { kind: 4, count: 1, bytes: to.to_le_bytes().to_vec() }
     }

@@ -22,31 +22,19 @@ pub enum Format {
 
 impl Format {
     /// The name in messages.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Format::Jpeg => "JPEG",
-            Format::Png => "PNG",
-            Format::Tiff => "TIFF",
-        }
+    pub fn name(self) -> &'static str {
+        Content::Written(self).name()
     }
 
     /// The usual file ending, without the dot.
-    pub const fn extension(self) -> &'static str {
-        match self {
-            Format::Jpeg => "jpg",
-            Format::Png => "png",
-            Format::Tiff => "tif",
-        }
+    pub fn extension(self) -> &'static str {
+        Content::Written(self).endings()[0]
     }
 
     /// The format of a file ending (without the dot, any case).
     pub fn of_extension(extension: &str) -> Option<Format> {
-        match extension.to_ascii_lowercase().as_str() {
-            "jpg" | "jpeg" | "jpe" | "jfif" => Some(Format::Jpeg),
-            "png" => Some(Format::Png),
-            "tif" | "tiff" => Some(Format::Tiff),
-            _ => None,
-        }
+        let formats = [Format::Jpeg, Format::Png, Format::Tiff];
+        formats.into_iter().find(|&format| Content::Written(format).has_ending(extension))
     }
 }
 
@@ -65,11 +53,26 @@ impl Content {
     /// The name in messages.
     pub(super) const fn name(self) -> &'static str {
         match self {
-            Content::Written(format) => format.name(),
+            Content::Written(Format::Jpeg) => "JPEG",
+            Content::Written(Format::Png) => "PNG",
+            Content::Written(Format::Tiff) => "TIFF",
             Content::Bmp => "BMP",
             Content::Gif => "GIF",
             Content::Pnm => "PPM",
             Content::Webp => "WebP",
+        }
+    }
+
+    /// Its file endings, the usual one first.
+    const fn endings(self) -> &'static [&'static str] {
+        match self {
+            Content::Written(Format::Jpeg) => &["jpg", "jpeg", "jpe", "jfif"],
+            Content::Written(Format::Png) => &["png"],
+            Content::Written(Format::Tiff) => &["tif", "tiff"],
+            Content::Bmp => &["bmp"],
+            Content::Gif => &["gif"],
+            Content::Pnm => &["ppm", "pgm", "pnm", "pbm", "pam"],
+            Content::Webp => &["webp"],
         }
     }
 
@@ -81,13 +84,7 @@ impl Content {
     }
 
     fn has_ending(self, extension: &str) -> bool {
-        match self {
-            Content::Written(format) => Format::of_extension(extension) == Some(format),
-            Content::Pnm => {
-                ["ppm", "pgm", "pnm", "pbm", "pam"].contains(&&*extension.to_ascii_lowercase())
-            }
-            other => extension.eq_ignore_ascii_case(other.name()),
-        }
+        self.endings().iter().any(|ending| ending.eq_ignore_ascii_case(extension))
     }
 }
 

@@ -273,7 +273,6 @@ impl Photo {
         Ok(self)
     }
 
-    /// Cuts the photo to `rect`.
     fn cut(&mut self, rect: Rect) {
         let all = self.light.size();
         self.light = Frame::from_fn(|channel| self.light.plane(channel).crop(rect));

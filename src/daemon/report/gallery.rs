@@ -76,7 +76,6 @@ impl Gallery {
         Ok(gallery)
     }
 
-    /// Adds a photo with a result.
     pub(crate) fn add(&mut self, report: &Report) {
         // The iterations stay in the report's file, to save memory.
         let mut report = report.clone();
@@ -86,7 +85,6 @@ impl Gallery {
         self.reports.push(report);
     }
 
-    /// The number of the next report.
     pub(crate) fn next_number(&self) -> u64 {
         self.reports.iter().map(|report| report.number).max().unwrap_or(0) + 1
     }
@@ -95,7 +93,6 @@ impl Gallery {
         self.reports.retain(|report| report.result != result);
     }
 
-    /// Numbers of photos by outcome.
     pub(crate) fn counts(&self) -> PhotoCounts {
         let (failed, waiting) = (self.failed.len(), self.waiting);
         let mut counts = PhotoCounts { failed, waiting, ..PhotoCounts::default() };
@@ -188,7 +185,6 @@ impl Gallery {
     }
 }
 
-/// Names of the known scenes.
 fn scenes(folders: &Folders) -> HashSet<OsString> {
     let found = folders.files.list(&folders.root.join(SCENES)).unwrap_or_default();
     found.into_iter().map(|(name, _)| name).collect()

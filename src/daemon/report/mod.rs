@@ -58,7 +58,6 @@ impl Reporter {
         })
     }
 
-    /// Adds a photo with a result.
     pub(super) fn add(&mut self, report: Report) {
         log::info!("{}", report.line());
         for note in report.notes.iter().filter(|note| !note.starts_with("noise of the photo")) {
@@ -68,14 +67,12 @@ impl Reporter {
         self.summary.add(report);
     }
 
-    /// Adds a rejected photo.
     pub(super) fn add_failed(&mut self, failed: Failed) {
         log::warn!("not restored: {}", failed.reason);
         self.gallery.failed.push(failed.clone());
         self.summary.add_failed(failed);
     }
 
-    /// Removes the result called `result`.
     pub(super) fn forget(&mut self, result: &str) {
         self.gallery.remove(result);
         self.summary.forget(result);

@@ -15,7 +15,6 @@ pub(super) fn address(folders: &Folders) -> Option<String> {
     exists.then(|| format!("gallery/{NAME}"))
 }
 
-/// Writes the status line.
 pub(super) fn write(folders: &Folders, doing: &Doing, now_unix_s: u64) -> Result<(), FileError> {
     let bytes = line(doing, now_unix_s);
     folders.files.replace_for_now(&folders.previews.join(NAME), bytes.as_bytes())

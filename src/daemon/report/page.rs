@@ -140,7 +140,6 @@ fn pager(html: &mut String, pages: usize) {
     html.push_str("</div></details></nav>\n");
 }
 
-/// Appends thumbnails and cards.
 fn cards(html: &mut String, shown: &[GalleryPhoto<'_>], up: &str) {
     if shown.len() > 6 {
         html.push_str("<div class=\"stamps\">\n");
@@ -152,7 +151,6 @@ fn cards(html: &mut String, shown: &[GalleryPhoto<'_>], up: &str) {
     html.push_str("</div>\n");
 }
 
-/// The help section.
 const HELP: &str = "<details class=\"aside\"><summary>Terms, downloads, trying again</summary>\n\
     <dl>\
     <dt>Sharpened with the lens model</dt><dd>The box has measured the blur of its lens and \

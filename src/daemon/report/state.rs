@@ -50,15 +50,12 @@ impl std::fmt::Display for Doing {
 /// Contents of the state file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
+#[allow(missing_docs)] // The names describe them.
 pub struct State {
-    /// Name of the rig.
     pub rig: String,
-    /// State.
     pub doing: Doing,
-    /// Numbers of photos by outcome.
     #[serde(flatten)]
     pub counts: PhotoCounts,
-    /// Whether photos wait for the button.
     pub needs_button: bool,
     /// Time of writing, seconds since 1970 UTC by the box's calendar.
     pub written_unix_s: u64,

@@ -11,14 +11,11 @@ const SUMMARY_MAX: usize = 1000;
 /// Numbers of photos by outcome.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
+#[allow(missing_docs)] // The names describe them.
 pub struct PhotoCounts {
-    /// Restored.
     pub restored: usize,
-    /// Returned unchanged.
     pub untouched: usize,
-    /// Rejected.
     pub failed: usize,
-    /// Waiting in the inbox.
     pub waiting: Waiting,
 }
 
@@ -46,10 +43,9 @@ impl std::fmt::Display for PhotoCounts {
 
 /// Photos processed since the daemon was opened.
 #[derive(Debug, Clone, Default)]
+#[allow(missing_docs)] // The names describe them.
 pub struct Summary {
-    /// Restored photos.
     pub restored: Vec<Report>,
-    /// Photos returned unchanged.
     pub untouched: Vec<Report>,
     /// Rejected photos with their reasons.
     pub failed: Vec<Failed>,

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::SystemTime;
 
-use super::before_box::BeforeBox;
+use super::before_box::{BeforeBox, Scene};
 use super::shooting::Shooting;
 use super::{Event, Question, Schedule, Turn};
 use crate::config::{Mode, Nights};
@@ -37,7 +37,6 @@ const POSTPONED: &str =
 /// The last photo, for the panel.
 struct LastResult {
     photo: String,
-    /// Whether the photo was returned unchanged.
     untouched: bool,
     words: String,
     at: Moment,
@@ -56,7 +55,6 @@ pub struct Attended<'a> {
     result: Option<LastResult>,
     /// Outcome of the last photo, and its time.
     ended: Option<(BoxState, Moment)>,
-    /// Description of incomplete photos.
     incomplete: String,
     /// Rounds of the front panel's loop, and the time of their last change.
     rounds: Option<(u64, Moment)>,
@@ -174,10 +172,7 @@ impl<'a> Attended<'a> {
 
     /// Holds the photos until the button is pressed.
     fn wait_for_button(&mut self, photos: usize, rig: &mut dyn Restorer) -> Turn {
-        let hint = match photos {
-            1 => "1 photo waits: press the button.".to_owned(),
-            n => format!("{n} photos wait: press the button."),
-        };
+        let hint = format!("{}: press the button.", photos_wait(photos));
         let others = self.incomplete.clone();
         let screen = self.recent_result(&hint, Screen::Waiting { photos, others });
         self.before.show(screen, BoxState::Waiting, rig);
@@ -193,8 +188,7 @@ impl<'a> Attended<'a> {
         };
         let hint = match postponed {
             0 => hint.to_owned(),
-            1 => format!("{hint} 1 photo waits for the panel."),
-            n => format!("{hint} {n} photos wait for the panel."),
+            n => format!("{hint} {} for the panel.", photos_wait(n)),
         };
         let hint = format!("{hint} {}", self.incomplete).trim_end().to_owned();
         let screen = self.recent_result(after, Screen::Ready { hint });
@@ -235,7 +229,7 @@ impl Schedule for Attended<'_> {
             return turn;
         }
         if let Some(shooting) = &mut self.shooting {
-            match shooting.turn(asked, &mut self.before, rig) {
+            match shooting.turn(asked, &mut Scene { before: &mut self.before, rig }) {
                 Ok(true) => {}
                 Ok(false) => {
                     self.be_ready(waiting, rig);
@@ -301,6 +295,10 @@ impl Schedule for Attended<'_> {
         let counts = self.shooting.as_ref().is_some_and(|shooting| shooting.is_due(now));
         counts || self.before.front_panel.has_requests() || self.inner.impatient()
     }
+}
+
+fn photos_wait(photos: usize) -> String {
+    if photos == 1 { "1 photo waits".to_owned() } else { format!("{photos} photos wait") }
 }
 
 /// Interrupts the restorer at a long press in a job or a stop of the service.

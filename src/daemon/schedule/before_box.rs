@@ -37,3 +37,19 @@ impl<'a> BeforeBox<'a> {
         self.screen = None;
     }
 }
+
+/// What the user in front of the box sees, and the rig behind it.
+pub(super) struct Scene<'a, 'b> {
+    pub(super) before: &'a mut BeforeBox<'b>,
+    pub(super) rig: &'a mut dyn Restorer,
+}
+
+impl Scene<'_, '_> {
+    pub(super) fn show(&mut self, screen: Screen, state: BoxState) {
+        self.before.show(screen, state, self.rig);
+    }
+
+    pub(super) fn now(&self) -> Moment {
+        self.before.clock.now()
+    }
+}

@@ -96,7 +96,6 @@ pub struct Nightly<'a> {
 /// Whether photos may be restored, or what to do instead.
 type MayRestore = Result<(), Turn>;
 
-/// Holds photos for `reason`.
 fn hold(awaited: Awaited, reason: &str, until: Option<Moment>) -> MayRestore {
     Err(Turn::hold(awaited, reason, until))
 }

@@ -13,7 +13,7 @@
 
 use std::time::SystemTime;
 
-use super::before_box::BeforeBox;
+use super::before_box::Scene;
 use super::{Question, Turn};
 use crate::config::Nights;
 use crate::daemon::error::DaemonError;
@@ -24,8 +24,8 @@ use crate::kiosk::front_panel::BoxState;
 use crate::kiosk::screen::{ASK, Screen};
 use crate::nights::trust::unix_s;
 use crate::remedy::{AnyFailure, Remediable, Remedy, full_message};
+use crate::restorer::PanelView;
 use crate::restorer::photo_file::TakenPhoto;
-use crate::restorer::{PanelView, Restorer};
 use crate::rig::Moment;
 use crate::rig::shoot::CLIPPED_SHARE_MAX;
 
@@ -136,8 +136,7 @@ impl<'a> Shooting<'a> {
     pub(super) fn turn(
         &mut self,
         asked: Question,
-        before: &mut BeforeBox<'_>,
-        rig: &mut dyn Restorer,
+        scene: &mut Scene<'_, '_>,
     ) -> Result<bool, Turn> {
         self.postponed_photos = self.postponed_photos.min(asked.waiting);
         if std::mem::take(&mut self.postpone) {
@@ -146,36 +145,32 @@ impl<'a> Shooting<'a> {
                 None => self.postpone(asked.waiting),
             }
         }
-        if self.take_when_due(before, rig)? {
-            let now = before.clock.now();
+        if self.take_when_due(scene)? {
+            let now = scene.now();
             self.ask(now, ASK);
             // The photo is found by the next scan of the inbox.
             let asked = Question { waiting: asked.waiting + 1, ..asked };
-            return self.wait(asked, now, before, rig);
+            return self.wait(asked, now, scene);
         }
         if asked.waiting == 0 {
             self.stage = Stage::Aim;
             return Ok(true);
         }
-        self.restore_waiting(asked, before, rig)
+        self.restore_waiting(asked, scene)
     }
 
     /// Saves a photo taken before, counts down, and takes a photo when the countdown ends. Whether
     /// a photo was saved to the inbox.
-    fn take_when_due(
-        &mut self,
-        before: &mut BeforeBox<'_>,
-        rig: &mut dyn Restorer,
-    ) -> Result<bool, Turn> {
+    fn take_when_due(&mut self, scene: &mut Scene<'_, '_>) -> Result<bool, Turn> {
         let saved = self.save();
-        let is_due = matches!(saved, Ok(false)) && self.count_down(before, rig);
+        let is_due = matches!(saved, Ok(false)) && self.count_down(scene);
         if let Some(Countdown { shutter, .. }) = self.countdown {
             return Err(Turn::hold(Awaited::Panel, "taking the photo", Some(shutter)));
         }
         if is_due {
-            before.show(Screen::Taking, BoxState::Working, rig);
-            before.forget_screen();
-            self.take(rig)?;
+            scene.show(Screen::Taking, BoxState::Working);
+            scene.before.forget_screen();
+            self.take(scene)?;
             return Ok(self.save()?);
         }
         Ok(saved?)
@@ -185,10 +180,9 @@ impl<'a> Shooting<'a> {
     fn restore_waiting(
         &mut self,
         asked: Question,
-        before: &mut BeforeBox<'_>,
-        rig: &mut dyn Restorer,
+        scene: &mut Scene<'_, '_>,
     ) -> Result<bool, Turn> {
-        let now = before.clock.now();
+        let now = scene.now();
         match &self.stage {
             Stage::Aim if asked.waiting > self.postponed_photos => self.ask(now, ASK),
             Stage::Ask { since, .. } if now.0 - since.0 > ASK_S => {
@@ -201,11 +195,11 @@ impl<'a> Shooting<'a> {
         }
         let advanced = match &self.stage {
             Stage::Ask { search_at, .. } if asked.is_ready && now.0 >= search_at.0 => {
-                self.search_panel(before, rig)
+                self.search_panel(scene)
             }
             Stage::Measure { why, calibrations } => {
                 let (why, calibrations) = (why.clone(), calibrations + 1);
-                self.measure(why, calibrations, before, rig)
+                self.measure(why, calibrations, scene)
             }
             _ => Ok(()),
         };
@@ -219,13 +213,13 @@ impl<'a> Shooting<'a> {
         }
         match &self.stage {
             Stage::There => Ok(true),
-            _ => self.wait(asked, now, before, rig),
+            _ => self.wait(asked, now, scene),
         }
     }
 
     /// Starts or continues the countdown; true when it ends.
-    fn count_down(&mut self, before: &mut BeforeBox<'_>, rig: &mut dyn Restorer) -> bool {
-        let now = before.clock.now();
+    fn count_down(&mut self, scene: &mut Scene<'_, '_>) -> bool {
+        let now = scene.now();
         if std::mem::take(&mut self.go) && self.countdown.is_none() {
             let shutter = Moment(now.0 + self.countdown_s);
             self.countdown = Some(Countdown { shutter, shown: 0 });
@@ -237,7 +231,7 @@ impl<'a> Shooting<'a> {
             return true;
         }
         let screen = Screen::Counting { seconds: countdown.shown };
-        before.show(screen, BoxState::Counting, rig);
+        scene.show(screen, BoxState::Counting);
         false
     }
 
@@ -249,11 +243,11 @@ impl<'a> Shooting<'a> {
         self.stage = Stage::Ask { since: now, search_at: now, words: words.to_owned() };
     }
 
-    fn take(&mut self, rig: &mut dyn Restorer) -> Result<(), DaemonError> {
+    fn take(&mut self, scene: &mut Scene<'_, '_>) -> Result<(), DaemonError> {
         let failed = |failure: AnyFailure| DaemonError::NotTaken { failure };
         let mut tries = 1;
         loop {
-            let failure = match rig.take() {
+            let failure = match scene.rig.take() {
                 Ok(taken) => {
                     self.unsaved = taken;
                     return Ok(());
@@ -265,7 +259,7 @@ impl<'a> Shooting<'a> {
                 return Err(failed(failure));
             }
             if remedy == Remedy::ReopenRig {
-                rig.mend(remedy).map_err(failed)?;
+                scene.rig.mend(remedy).map_err(failed)?;
             }
             tries += 1;
         }
@@ -284,17 +278,13 @@ impl<'a> Shooting<'a> {
     }
 
     /// Searches for the panel and checks its position.
-    fn search_panel(
-        &mut self,
-        before: &mut BeforeBox<'_>,
-        rig: &mut dyn Restorer,
-    ) -> Result<(), DaemonError> {
+    fn search_panel(&mut self, scene: &mut Scene<'_, '_>) -> Result<(), DaemonError> {
         // Test pictures replace the screen.
-        before.forget_screen();
-        let seen = match rig.look_for_panel() {
+        scene.before.forget_screen();
+        let seen = match scene.rig.look_for_panel() {
             Err(failure) if failure.remedy() == Remedy::ReopenRig => {
-                rig.mend(Remedy::ReopenRig).map_err(DaemonError::of_rig)?;
-                rig.look_for_panel()
+                scene.rig.mend(Remedy::ReopenRig).map_err(DaemonError::of_rig)?;
+                scene.rig.look_for_panel()
             }
             seen => seen,
         };
@@ -302,17 +292,17 @@ impl<'a> Shooting<'a> {
             PanelView::Absent => ASK.to_owned(),
             PanelView::Askew(what) => format!("The panel is not well placed: {what}."),
             PanelView::There => {
-                let proved = self.prove(0, rig);
-                return self.ask_on_error(proved, before);
+                let proved = self.prove(0, scene);
+                return self.ask_on_error(proved, scene);
             }
         };
-        self.ask_again(SEARCH_S, words, before);
+        self.ask_again(SEARCH_S, words, scene);
         Ok(())
     }
 
     /// Shows a pilot, after so many calibrations, and sets the stage.
-    fn prove(&mut self, calibrations: u32, rig: &mut dyn Restorer) -> Result<(), DaemonError> {
-        let drift = rig.pilot().map_err(DaemonError::of_rig)?;
+    fn prove(&mut self, calibrations: u32, scene: &mut Scene<'_, '_>) -> Result<(), DaemonError> {
+        let drift = scene.rig.pilot().map_err(DaemonError::of_rig)?;
         let Some(complaint) = drift.and_then(|drift| drift.complaint()) else {
             self.stage = Stage::There;
             return Ok(());
@@ -330,29 +320,29 @@ impl<'a> Shooting<'a> {
         &mut self,
         complaint: String,
         calibrations: u32,
-        before: &mut BeforeBox<'_>,
-        rig: &mut dyn Restorer,
+        scene: &mut Scene<'_, '_>,
     ) -> Result<(), DaemonError> {
-        before.forget_screen();
-        let measured = rig.mend(Remedy::Recalibrate).map_err(|failure| DaemonError::Calibration {
-            cause: format!("the panel was moved ({complaint}) and"),
-            failure,
-        });
-        let proved = measured.and_then(|()| self.prove(calibrations, rig));
-        self.ask_on_error(proved, before)
+        scene.before.forget_screen();
+        let measured =
+            scene.rig.mend(Remedy::Recalibrate).map_err(|failure| DaemonError::Calibration {
+                cause: format!("the panel was moved ({complaint}) and"),
+                failure,
+            });
+        let proved = measured.and_then(|()| self.prove(calibrations, scene));
+        self.ask_on_error(proved, scene)
     }
 
     /// Turns an error of the measurement into a request to the user.
     fn ask_on_error(
         &mut self,
         proved: Result<(), DaemonError>,
-        before: &BeforeBox<'_>,
+        scene: &Scene<'_, '_>,
     ) -> Result<(), DaemonError> {
         match proved {
             Err(error) if !error.was_asked_for() => {
                 log::warn!("{}", full_message(&error));
                 let words = format!("{}. {}", full_message(&error), error.what_to_do());
-                self.ask_again(MEASURE_AGAIN_S, words, before);
+                self.ask_again(MEASURE_AGAIN_S, words, scene);
                 Ok(())
             }
             proved => proved,
@@ -360,8 +350,8 @@ impl<'a> Shooting<'a> {
     }
 
     /// Asks for the panel in these `words`, with the next search after `in_s` seconds.
-    fn ask_again(&mut self, in_s: f64, words: String, before: &BeforeBox<'_>) {
-        let now = before.clock.now();
+    fn ask_again(&mut self, in_s: f64, words: String, scene: &Scene<'_, '_>) {
+        let now = scene.now();
         let since = match &self.stage {
             Stage::Ask { since, .. } => *since,
             _ => now,
@@ -370,17 +360,11 @@ impl<'a> Shooting<'a> {
     }
 
     /// Shows what the waiting photos wait for.
-    fn wait(
-        &self,
-        asked: Question,
-        now: Moment,
-        before: &mut BeforeBox<'_>,
-        rig: &mut dyn Restorer,
-    ) -> Result<bool, Turn> {
+    fn wait(&self, asked: Question, now: Moment, scene: &mut Scene<'_, '_>) -> Result<bool, Turn> {
         match &self.stage {
             Stage::Aim | Stage::There => Ok(false),
             Stage::Measure { why, .. } => {
-                before.show(Screen::Measuring { why: why.clone() }, BoxState::Working, rig);
+                scene.show(Screen::Measuring { why: why.clone() }, BoxState::Working);
                 let reason = format!(
                     "measuring the lens, because the panel was moved ({why}): leave it where it is"
                 );
@@ -389,7 +373,7 @@ impl<'a> Shooting<'a> {
             Stage::Ask { search_at, words, .. } => {
                 let (photos, others) = (asked.waiting, asked.parts.describe_incomplete());
                 let screen = Screen::Asking { photos, words: words.clone(), others };
-                before.show(screen, BoxState::Asking, rig);
+                scene.show(screen, BoxState::Asking);
                 let reason = format!("the panel is needed: {words}");
                 let until = (search_at.0 > now.0).then_some(*search_at);
                 Err(Turn::hold(Awaited::Panel, reason, until))

@@ -25,7 +25,6 @@ pub(crate) fn is_beyond_preview(size: Size) -> bool {
     size.width.max(size.height) > PREVIEW_PX
 }
 
-/// Encoded files of a restored photo.
 pub(crate) struct Encoded {
     before: Vec<u8>,
     after: Vec<u8>,

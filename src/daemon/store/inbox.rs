@@ -138,7 +138,6 @@ impl Inbox {
         Ok(Ready { photos, waiting: all })
     }
 
-    /// Updates the files seen.
     fn note_seen(
         &mut self,
         found: Vec<(PathBuf, Metadata)>,

@@ -87,7 +87,6 @@ impl Ledger {
         Ok(())
     }
 
-    /// Attempts begun so far.
     pub(crate) fn attempts(&self) -> u32 {
         self.entry.attempts
     }

@@ -25,7 +25,6 @@ pub(super) fn recover(folders: &Folders) -> Result<(), FileError> {
     Ledger::sweep(folders)
 }
 
-/// Names of the photos in `working`.
 fn photos(folders: &Folders) -> Result<Vec<OsString>, FileError> {
     let found = folders.files.list(&folders.working)?;
     let photo = |(name, kind): &(OsString, FileKind)| !is_hidden(name) && *kind != FileKind::Folder;

@@ -24,14 +24,11 @@ pub enum ResultKind {
 
 /// A rectangle of the upright picture, in shares of its width and height, 0..1.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[allow(missing_docs)] // The names describe them.
 pub struct RelativeRect {
-    /// Distance of its left edge from the picture's.
     pub x: f64,
-    /// Distance of its upper edge from the picture's.
     pub y: f64,
-    /// Its width.
     pub width: f64,
-    /// Its height.
     pub height: f64,
 }
 
@@ -49,27 +46,23 @@ fn left_as_they_were(photo: &Photo, outcome: &Outcome) -> Vec<RelativeRect> {
     areas.collect()
 }
 
-/// The report beside a result, `NAME.json`.
+/// The report beside a result, `NAME.json`. Addresses are relative URLs.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
+#[allow(missing_docs)] // The names describe them.
 pub struct Report {
     /// File name of the photo as dropped.
     pub photo: String,
     /// File name of the result in the outbox.
     pub result: String,
-    /// Relative URL of the result.
     pub result_address: String,
-    /// Content of the result.
     pub outcome: ResultKind,
-    /// Name of the rig.
     pub rig: String,
-    /// Name of the method.
     pub method: String,
     /// ResultStage that produced the result.
     pub stage: ResultStage,
     /// Why this stage.
     pub reason: String,
-    /// Captures made.
     pub captures: usize,
     /// Duration in seconds, captures included.
     pub seconds: f64,
@@ -90,7 +83,6 @@ pub struct Report {
     /// Areas delivered as they were, because no scene gives them through the lens.
     #[serde(default)]
     pub left_as_they_were: Vec<RelativeRect>,
-    /// Notes for the user.
     pub notes: Vec<String>,
     /// The method's record.
     pub iterations: Vec<Iteration>,
@@ -104,9 +96,7 @@ pub struct Report {
     /// of older versions.
     #[serde(default)]
     pub number: u64,
-    /// Relative URL of the photo's preview.
     pub before: String,
-    /// Relative URL of the result's preview.
     pub after: String,
 }
 
@@ -219,10 +209,9 @@ pub(crate) fn read_report(files: &Files, path: &Path) -> Result<Option<Report>, 
 /// A photo without a result.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
+#[allow(missing_docs)] // The names describe them.
 pub struct Failed {
-    /// File name.
     pub photo: String,
-    /// Reason.
     pub reason: String,
 }
 

@@ -18,16 +18,12 @@ pub enum Awaited {
 /// Numbers of photos waiting in the inbox, by what they wait for.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
+#[allow(missing_docs)] // As those of [`Awaited`].
 pub struct Waiting {
-    /// Their turn.
     pub turn: usize,
-    /// The button.
     pub button: usize,
-    /// The hours of work.
     pub window: usize,
-    /// The panel before the lens.
     pub panel: usize,
-    /// The rig: warm-up, maintenance.
     pub rig: usize,
     /// The end of changes: just arrived.
     pub settling: usize,

@@ -18,7 +18,6 @@ const TILE_MORE: usize = 1024;
 /// Most padding bytes of a strip or tile. Guess: up to the next multiple of 16.
 const FILLED_MAX: usize = 15;
 
-/// A strip or tile.
 #[derive(Debug, Clone, Copy)]
 struct SiteBlock {
     /// Where its bytes begin.
@@ -38,7 +37,8 @@ pub(super) struct SiteBlocks {
     row_bytes: usize,
     /// Together they hold each site once.
     blocks: Vec<SiteBlock>,
-    size: Size,
+    /// The picture's.
+    pub(super) size: Size,
 }
 
 impl SiteBlocks {
@@ -98,11 +98,6 @@ impl SiteBlocks {
         let lengths: Vec<usize> = blocks.iter().map(|of| of.size.height * row_bytes).collect();
         file.strips(&offsets, &lengths, true)?;
         Ok(SiteBlocks { bits, row_bytes, blocks, size })
-    }
-
-    /// The picture's size.
-    pub(super) fn size(&self) -> Size {
-        self.size
     }
 
     /// The counts in `part` of the picture, row by row, in the `bytes` of its file.

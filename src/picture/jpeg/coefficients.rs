@@ -5,8 +5,8 @@
 //! Memory is bounded by [`AREA_MAX`], and time by [`SCANS_MAX`] passes over it.
 
 use super::super::Flaw;
-use super::huffman::{Bits, HuffmanCodes};
-use super::scan::{Running, Scan, Tables, ZIGZAG};
+use super::huffman::HuffmanCodes;
+use super::scan::{Scan, ScanBlocks, ScanPart, ZIGZAG};
 use super::{FrameHeader, SCAN, Segment, Segments, damaged, frame_header};
 use crate::frame::{BLOCK_AREA, BLOCK_PX, CodedComponent, Coding, Size};
 
@@ -88,7 +88,6 @@ fn coding_of(file: CodedFile) -> Option<Coding> {
     coding.is_whole().then_some(coding)
 }
 
-/// The JPEG `bytes` decoded.
 fn read(bytes: &[u8]) -> Result<CodedFile, Unread> {
     let mut state = CodedFile { fills_scans: true, ..CodedFile::default() };
     let mut scans = 0;
@@ -196,13 +195,6 @@ impl CodedFrame {
     }
 }
 
-struct ScanPart {
-    /// Its place in the frame.
-    component: usize,
-    dc: Option<HuffmanCodes>,
-    ac: Option<HuffmanCodes>,
-}
-
 impl CodedFile {
     /// Reads the codes of a DHT segment.
     fn read_codes(&mut self, mut segment: &[u8]) -> Option<()> {
@@ -242,35 +234,30 @@ impl CodedFile {
         }
         let frame = self.frame.as_mut().ok_or(Unread::Kind)?;
         let (units, densest) = (frame.units(&parts), frame.densest());
-        let (mut bits, mut running) = (Bits::new(bytes, at), Running::default());
+        let mut blocks = ScanBlocks::new(scan, bytes, at);
         for unit in 0..units.area() {
             let broken = || Unread::Broken(unit, units.area());
             if self.restart > 0 && unit > 0 && unit % self.restart == 0 {
-                bits.restart().ok_or_else(broken)?;
-                running = Running::default();
+                blocks.restart().ok_or_else(broken)?;
             }
             let (column, row) = (unit % units.width, unit / units.width);
-            for ScanPart { component, dc, ac } in &parts {
-                let tables = Tables { dc: dc.as_ref(), ac: ac.as_ref() };
-                let n = *component;
-                let component = &mut frame.components[n];
+            for part in &parts {
+                let component = &mut frame.components[part.component];
                 let (across, down) = component.pixels;
                 let (wide, high) = match parts.len() {
                     1 => (1, 1),
                     _ => (usize::from(densest.0 / across), usize::from(densest.1 / down)),
                 };
-                for part in 0..wide * high {
-                    let x = column * wide + part % wide;
-                    let y = row * high + part / wide;
+                for n in 0..wide * high {
+                    let (x, y) = (column * wide + n % wide, row * high + n / wide);
                     let begin = (y * component.blocks.width + x) * BLOCK_AREA;
                     let block = component.coefficients.get_mut(begin..begin + BLOCK_AREA);
                     let block = block.ok_or(Unread::Kind)?;
-                    let read = scan.block(&mut bits, &tables, (&mut running, n), block);
-                    read.ok_or_else(broken)?;
+                    blocks.read(part, block).ok_or_else(broken)?;
                 }
             }
         }
-        Ok(bits.end())
+        Ok(blocks.end())
     }
 
     /// The scan and its components with the header `body`.

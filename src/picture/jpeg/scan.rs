@@ -13,6 +13,7 @@ pub(super) const ZIGZAG: [u8; BLOCK_AREA] = [
 ];
 
 /// A scan's header (T.81, B.2.3).
+#[derive(Clone, Copy)]
 pub(super) struct Scan {
     pub(super) progressive: bool,
     /// First and last coefficient.
@@ -23,84 +24,93 @@ pub(super) struct Scan {
     pub(super) low: u32,
 }
 
-/// The tables of one component of a scan.
-pub(super) struct Tables<'a> {
-    pub(super) dc: Option<&'a HuffmanCodes>,
-    pub(super) ac: Option<&'a HuffmanCodes>,
+/// A component of a scan, with its tables.
+pub(super) struct ScanPart {
+    /// Its place in the frame.
+    pub(super) component: usize,
+    pub(super) dc: Option<HuffmanCodes>,
+    pub(super) ac: Option<HuffmanCodes>,
 }
 
-/// State from block to block, reset by a restart.
-#[derive(Default)]
-pub(super) struct Running {
+/// The blocks of a scan.
+pub(super) struct ScanBlocks<'a> {
+    scan: Scan,
+    bits: Bits<'a>,
     /// The last block's first coefficient, for each component.
-    pub(super) dc: [i32; 4],
+    dc: [i32; 4],
     /// Empty blocks to come.
-    pub(super) blank: u32,
+    blank: u32,
 }
 
-impl Scan {
-    /// Decodes the next block, of component `n` of the scan.
-    pub(super) fn block(
-        &self,
-        bits: &mut Bits<'_>,
-        tables: &Tables<'_>,
-        (running, n): (&mut Running, usize),
-        block: &mut [i16],
-    ) -> Option<()> {
-        if !self.progressive {
-            self.dc_first(bits, tables, &mut running.dc[n], block)?;
+impl<'a> ScanBlocks<'a> {
+    /// The blocks of `scan`, whose data begin at `at`.
+    pub(super) fn new(scan: Scan, bytes: &'a [u8], at: usize) -> Self {
+        ScanBlocks { scan, bits: Bits::new(bytes, at), dc: [0; 4], blank: 0 }
+    }
+
+    /// Where the byte after that of the last bit begins.
+    pub(super) fn end(&self) -> usize {
+        self.bits.end()
+    }
+
+    /// Moves past a restart marker; `None` where there is none.
+    pub(super) fn restart(&mut self) -> Option<()> {
+        (self.dc, self.blank) = ([0; 4], 0);
+        self.bits.restart()
+    }
+
+    /// Decodes the next block, of `part`.
+    pub(super) fn read(&mut self, part: &ScanPart, block: &mut [i16]) -> Option<()> {
+        let Scan { progressive, band, high, low } = self.scan;
+        if !progressive {
+            self.dc_first(part, block)?;
             // A sequential scan's coefficients are one band without runs of blocks (T.81, F.2.2.2).
-            let all = Scan { band: (1, BLOCK_AREA - 1), ..*self };
-            return all.ac_first(bits, tables.ac?, &mut 0, block);
+            self.ac_first((1, BLOCK_AREA - 1), part.ac.as_ref()?, block)?;
+            self.blank = 0;
+            return Some(());
         }
-        match (self.band.0, self.high) {
-            (0, 0) => self.dc_first(bits, tables, &mut running.dc[n], block),
+        match (band.0, high) {
+            (0, 0) => self.dc_first(part, block),
             (0, _) => {
-                block[0] |= (bits.bit()? << self.low) as i16;
+                block[0] |= (self.bits.bit()? << low) as i16;
                 Some(())
             }
-            (_, 0) => self.ac_first(bits, tables.ac?, &mut running.blank, block),
-            _ => self.ac_refine(bits, tables.ac?, &mut running.blank, block),
+            (_, 0) => self.ac_first(band, part.ac.as_ref()?, block),
+            _ => self.ac_refine(part.ac.as_ref()?, block),
         }
     }
 
-    fn dc_first(
-        &self,
-        bits: &mut Bits<'_>,
-        tables: &Tables<'_>,
-        before: &mut i32,
-        block: &mut [i16],
-    ) -> Option<()> {
-        let size = u32::from(tables.dc?.next(bits)?);
+    fn dc_first(&mut self, part: &ScanPart, block: &mut [i16]) -> Option<()> {
+        let size = u32::from(part.dc.as_ref()?.next(&mut self.bits)?);
         if size > 15 {
             return None;
         }
-        *before += bits.extended(size)?;
-        block[0] = shifted(*before, self.low)?;
+        let before = &mut self.dc[part.component];
+        *before += self.bits.extended(size)?;
+        block[0] = shifted(*before, self.scan.low)?;
         Some(())
     }
 
     /// First pass over a band (T.81, G.1.2.2).
     fn ac_first(
-        &self,
-        bits: &mut Bits<'_>,
+        &mut self,
+        (first, last): (usize, usize),
         codes: &HuffmanCodes,
-        blank: &mut u32,
         block: &mut [i16],
     ) -> Option<()> {
-        if *blank > 0 {
-            *blank -= 1;
+        if self.blank > 0 {
+            self.blank -= 1;
             return Some(());
         }
-        let mut k = self.band.0;
-        while k <= self.band.1 {
-            let (zeros, size) = halves(codes.next(bits)?);
+        let mut k = first;
+        while k <= last {
+            let (zeros, size) = halves(codes.next(&mut self.bits)?);
             if size > 0 {
                 k += zeros;
-                let value = shifted(bits.extended(size)?, self.low)?;
-                *block.get_mut(place(k, self.band.1)?)? = value;
+                let value = shifted(self.bits.extended(size)?, self.scan.low)?;
+                *block.get_mut(place(k, last)?)? = value;
             } else if zeros < 15 {
-                *blank = (1 << zeros) - 1 + bits.bits(zeros as u32)? as u32;
+                self.blank = (1 << zeros) - 1 + self.bits.bits(zeros as u32)? as u32;
                 break;
             } else {
                 k += 15;
@@ -111,32 +121,26 @@ impl Scan {
     }
 
     /// A pass that refines a band by one bit (T.81, G.1.2.3).
-    fn ac_refine(
-        &self,
-        bits: &mut Bits<'_>,
-        codes: &HuffmanCodes,
-        blank: &mut u32,
-        block: &mut [i16],
-    ) -> Option<()> {
-        let one = 1i16.checked_shl(self.low).filter(|one| *one > 0)?;
-        let mut k = self.band.0;
-        while *blank == 0 && k <= self.band.1 {
-            let (mut zeros, size) = halves(codes.next(bits)?);
+    fn ac_refine(&mut self, codes: &HuffmanCodes, block: &mut [i16]) -> Option<()> {
+        let Scan { band: (mut k, last), low, .. } = self.scan;
+        let one = 1i16.checked_shl(low).filter(|one| *one > 0)?;
+        while self.blank == 0 && k <= last {
+            let (mut zeros, size) = halves(codes.next(&mut self.bits)?);
             let mut fresh = 0;
             match (size, zeros) {
                 (0, 15) => {}
                 (0, _) => {
-                    *blank = (1 << zeros) + bits.bits(zeros as u32)? as u32;
+                    self.blank = (1 << zeros) + self.bits.bits(zeros as u32)? as u32;
                     break;
                 }
-                (1, _) => fresh = if bits.bit()? == 1 { one } else { -one },
+                (1, _) => fresh = if self.bits.bit()? == 1 { one } else { -one },
                 _ => return None,
             }
-            while k <= self.band.1 {
-                let value = block.get_mut(place(k, self.band.1)?)?;
+            while k <= last {
+                let value = block.get_mut(place(k, last)?)?;
                 k += 1;
                 if *value != 0 {
-                    refine(value, one, bits)?;
+                    refine(value, one, &mut self.bits)?;
                 } else if zeros == 0 {
                     *value = fresh;
                     break;
@@ -145,14 +149,14 @@ impl Scan {
                 }
             }
         }
-        if *blank > 0 {
-            for k in k..=self.band.1 {
-                let value = block.get_mut(place(k, self.band.1)?)?;
+        if self.blank > 0 {
+            for k in k..=last {
+                let value = block.get_mut(place(k, last)?)?;
                 if *value != 0 {
-                    refine(value, one, bits)?;
+                    refine(value, one, &mut self.bits)?;
                 }
             }
-            *blank -= 1;
+            self.blank -= 1;
         }
         Some(())
     }

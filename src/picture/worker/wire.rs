@@ -15,7 +15,6 @@ use super::super::{Limits, Photo};
 use crate::config::Curve;
 use crate::frame::{BLOCK_AREA, Channels, Coding, Counts, Frame, PhotoGrid, Plane, RawSites, Size};
 
-/// A question to a worker.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub(super) struct Ask {
     /// The file's name, for messages.
@@ -37,7 +36,6 @@ pub(super) enum Purpose {
     Frame(Size),
 }
 
-/// A worker's answer.
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) enum Answer<P = Box<Photo>> {
     /// The file is complete and of a kind that is read.
