@@ -14,7 +14,7 @@ use super::store::ledger::{ATTEMPTS_MAX, FileIdentity};
 use super::store::recover::settle;
 use super::store::report_file::{Delivered, Failed, Report};
 use super::watcher::Watcher;
-use crate::disk::{FileError, FileKind, Metadata};
+use crate::disk::{FileError, FileKind, Metadata, if_found};
 use crate::picture::{Growth, Photo, PictureError, result_name};
 use crate::pipeline::Outcome;
 use crate::remedy::{AnyFailure, Remediable, Remedy, full_message};
@@ -184,14 +184,10 @@ impl Job<'_> {
 
     fn run_claimed(&mut self, path: PathBuf, delivered: &mut bool) -> Result<JobEnd, DaemonError> {
         let folders = self.folders;
-        let mut photo = match Claimed::at(folders, path) {
-            // Removed by its owner.
-            Err(error) if error.kind() == ErrorKind::NotFound => {
-                // Or `working` went away.
-                folders.files.sync_folder(&folders.working)?;
-                return Ok(JobEnd::Gone);
-            }
-            claimed => claimed?,
+        let Some(mut photo) = if_found(Claimed::at(folders, path))? else {
+            // Removed by its owner, or `working` went away.
+            folders.files.sync_folder(&folders.working)?;
+            return Ok(JobEnd::Gone);
         };
         let result = self.attempt(&mut photo);
         *delivered = photo.delivered;

@@ -1,7 +1,6 @@
 //! The loop: empties the inbox once, or watches it until stopped.
 
 use std::collections::VecDeque;
-use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
@@ -21,7 +20,7 @@ use super::store::late::LateWrites;
 use super::store::report_file::{Delivered, Failed};
 use super::store::withdraw::withdraw;
 use super::watcher::Watcher;
-use crate::disk::{FileError, Metadata};
+use crate::disk::{FileError, Metadata, if_found};
 use crate::picture::{Growth, PictureError};
 use crate::remedy::{Remediable, full_message};
 use crate::restorer::{Progress, Restorer};
@@ -43,8 +42,10 @@ const MISSING_POLL_S: f64 = 2.0;
 const MENTION_S: f64 = 60.0;
 
 /// Progress of a pass over the inbox.
-#[derive(Default)]
 struct InboxPass {
+    patience: Patience,
+    /// Time after which a deferred photo is tried again.
+    retry_s: f64,
     /// Photos begun.
     number: usize,
     /// Whether the newest photo is next.
@@ -196,7 +197,7 @@ impl<'a> Daemon<'a> {
         retry_s: f64,
         stop: &dyn Fn() -> bool,
     ) -> Result<Turn, DaemonError> {
-        let mut pass = InboxPass::default();
+        let mut pass = InboxPass { patience, retry_s, number: 0, newest_next: false };
         let turn = loop {
             if self.schedule.impatient() {
                 self.inbox.retry_now();
@@ -204,7 +205,7 @@ impl<'a> Daemon<'a> {
             let scanned = self.clocks.moment();
             let ready = self.scan(patience)?;
             if !ready.photos.is_empty() {
-                match self.take(ready, scanned, &mut pass, patience, retry_s, stop)? {
+                match self.take(ready, scanned, &mut pass, stop)? {
                     None => continue,
                     Some(Turn::Stop) => return Ok(Turn::Stop),
                     Some(turn) => break turn,
@@ -230,8 +231,6 @@ impl<'a> Daemon<'a> {
         ready: Ready,
         scanned: Moment,
         pass: &mut InboxPass,
-        patience: Patience,
-        retry_s: f64,
         stop: &dyn Fn() -> bool,
     ) -> Result<Option<Turn>, DaemonError> {
         let Ready { photos, waiting } = ready;
@@ -253,7 +252,7 @@ impl<'a> Daemon<'a> {
             pass.newest_next = !pass.newest_next;
             taken += 1;
             let mut refusal = None;
-            match self.may_be_taken(&path, patience, &mut refusal) {
+            match self.may_be_taken(&path, pass.patience, &mut refusal) {
                 Ok(true) => {}
                 Ok(false) => {
                     self.inbox.count_turn();
@@ -262,7 +261,7 @@ impl<'a> Daemon<'a> {
                 Err(unread) if unread.is_of_disk() => return Err(unread.into()),
                 Err(unread) => {
                     self.inbox.count_turn();
-                    self.defer(path, unread.message_for_owner(), retry_s);
+                    self.defer(path, unread.message_for_owner(), pass.retry_s);
                     continue;
                 }
             }
@@ -278,7 +277,7 @@ impl<'a> Daemon<'a> {
             pass.number += 1;
             let end = self.work(&path, refusal, pass.number, of)?;
             pass.newest_next &= !matches!(end, JobEnd::Done { .. });
-            self.note(&path, end, retry_s);
+            self.note(&path, end, pass.retry_s);
             if self.reporter.is_due(self.clocks.moment()) {
                 self.show_gallery()?;
             }
@@ -326,10 +325,7 @@ impl<'a> Daemon<'a> {
         let files = &self.folders.files;
         self.inbox.may_be_taken(path, self.clocks.moment(), patience, || {
             let opened = files.metadata(&full).and_then(|about| Ok((about, files.open(&full)?)));
-            let (about, file) = match opened {
-                Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
-                opened => opened?,
-            };
+            let Some((about, file)) = if_found(opened)? else { return Ok(None) };
             match setting.check_complete(&flat_name(path).to_string_lossy(), file) {
                 Err(PictureError::Read { source, .. }) => Err(FileError::at("read", &full)(source)),
                 Err(flaw) if flaw.growth() == Growth::Likely => Ok(Some(full_message(&flaw))),

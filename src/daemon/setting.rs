@@ -37,7 +37,6 @@ impl DaemonSetting {
     /// every 5 s, a retry after a minute, a quarter of an hour to resume an upload that broke off.
     /// The last 256 MiB of the disk stay free, so that an operator can log in.
     pub fn new(rig: &str, grid: impl Into<PhotoGrid>, curve: Curve) -> DaemonSetting {
-        let (quiet_s, poll_s, retry_s) = (5.0, 5.0, 60.0);
         DaemonSetting {
             rig: rig.to_owned(),
             needs_button: false,
@@ -45,10 +44,10 @@ impl DaemonSetting {
             worker: None,
             unfinished_s: 900.0,
             floor_bytes: 256 << 20,
-            quiet_s,
-            poll_s,
+            quiet_s: 5.0,
+            poll_s: 5.0,
             hints: true,
-            retry_s,
+            retry_s: 60.0,
         }
     }
 

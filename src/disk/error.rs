@@ -118,6 +118,14 @@ impl FileError {
     }
 }
 
+/// What was `looked` for; `None` where it does not exist.
+pub fn if_found<T>(looked: Result<T, FileError>) -> Result<Option<T>, FileError> {
+    match looked {
+        Err(error) if error.kind() == ErrorKind::NotFound => Ok(None),
+        looked => looked.map(Some),
+    }
+}
+
 impl From<FileError> for io::Error {
     fn from(error: FileError) -> io::Error {
         error.source

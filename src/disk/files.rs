@@ -19,7 +19,7 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 use unicode_normalization::UnicodeNormalization;
 
-use super::error::FileError;
+use super::error::{FileError, if_found};
 use super::{Disk, FileKind, LocalDisk, Metadata, Unsynced};
 
 /// Prefix and suffix of the names of temporary files, which are independent of photos' names.
@@ -66,10 +66,7 @@ impl Files {
 
     /// Whether `path` exists.
     pub fn exists(&self, path: &Path) -> Result<bool, FileError> {
-        match self.metadata(path) {
-            Err(error) if error.kind() == ErrorKind::NotFound => Ok(false),
-            looked => looked.map(|_| true),
-        }
+        Ok(if_found(self.metadata(path))?.is_some())
     }
 
     /// Opens the regular file `path` for reading.
@@ -79,10 +76,7 @@ impl Files {
 
     /// The first `bytes_max` bytes of the file `path`; `None` when it does not exist.
     pub fn read(&self, path: &Path, bytes_max: u64) -> Result<Option<Vec<u8>>, FileError> {
-        let file = match self.open(path) {
-            Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
-            opened => opened?,
-        };
+        let Some(file) = if_found(self.open(path))? else { return Ok(None) };
         let mut bytes = Vec::new();
         file.take(bytes_max).read_to_end(&mut bytes).map_err(FileError::at("read", path))?;
         Ok(Some(bytes))
@@ -113,10 +107,7 @@ impl Files {
 
     /// Removes the file `path`, if it exists.
     pub fn remove(&self, path: &Path) -> Result<(), FileError> {
-        match self.0.remove(path) {
-            Err(error) if error.kind() == ErrorKind::NotFound => Ok(()),
-            done => done.map_err(FileError::at("remove", path)),
-        }
+        if_found(self.0.remove(path).map_err(FileError::at("remove", path))).map(|_| ())
     }
 
     /// CRC-32 and length of the file `path`.

@@ -22,6 +22,7 @@ use std::path::Path;
 
 pub(crate) use error::FREE_SPACE;
 pub use error::FileError;
+pub use error::if_found;
 pub use files::Files;
 pub use local::LocalDisk;
 

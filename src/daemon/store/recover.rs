@@ -7,7 +7,6 @@
 //! therefore removed and made anew.
 
 use std::ffi::{OsStr, OsString};
-use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use super::companions::is_hidden;
@@ -15,7 +14,7 @@ use super::folders::Folders;
 use super::ledger::Ledger;
 use super::names::report_name;
 use super::report_file::read_report;
-use crate::disk::{FileError, FileKind};
+use crate::disk::{FileError, FileKind, if_found};
 
 /// Closes jobs whose result was delivered and puts other photos back into the inbox.
 pub(super) fn recover(folders: &Folders) -> Result<(), FileError> {
@@ -66,16 +65,13 @@ pub(crate) fn settle(
     delivered: bool,
 ) -> Result<Option<PathBuf>, FileError> {
     let (files, path) = (&folders.files, folders.working.join(name));
-    let metadata = match files.metadata(&path) {
-        Err(error) if error.kind() == ErrorKind::NotFound => {
-            // Moved already but not synchronised, unless `working` itself is missing. Its record
-            // is removed at the next start.
-            files.sync_folder(&folders.working)?;
-            files.sync_folder(&folders.done)?;
-            files.sync_folder(&folders.failed)?;
-            return Ok(None);
-        }
-        looked => looked?,
+    let Some(metadata) = if_found(files.metadata(&path))? else {
+        // Moved already but not synchronised, unless `working` itself is missing. Its record is
+        // removed at the next start.
+        files.sync_folder(&folders.working)?;
+        files.sync_folder(&folders.done)?;
+        files.sync_folder(&folders.failed)?;
+        return Ok(None);
     };
     let ledger = Ledger::of(folders, name, metadata)?;
     if delivered {

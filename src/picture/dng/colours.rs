@@ -56,7 +56,7 @@ impl CameraColours {
     }
 
     /// Whether the numbers are finite; a worker's answer is untrusted.
-    pub(in crate::picture) fn are_sound(&self) -> bool {
+    pub(crate) fn are_sound(&self) -> bool {
         let all = self.balance.iter().chain(self.matrix.as_flattened());
         all.into_iter().all(|v| v.is_finite())
     }

@@ -16,11 +16,7 @@ const MISREAD: f32 = 15.0;
 ///
 /// # Errors
 /// [`Flaw::Unsupported`] where the decoder has misread the file.
-pub(in crate::picture) fn agree(
-    coding: &Coding,
-    samples: &[u16],
-    step: usize,
-) -> Result<bool, Flaw> {
+pub(crate) fn agree(coding: &Coding, samples: &[u16], step: usize) -> Result<bool, Flaw> {
     let size = coding.size;
     let Some(first) = coding.components.first() else { return Ok(false) };
     if samples.len() != size.area() * step {

@@ -57,7 +57,7 @@ enum Unread {
 ///
 /// # Errors
 /// [`Flaw::Damaged`] for codes that make no sense, or are of another number of blocks.
-pub(in crate::picture) fn coefficients(bytes: &[u8]) -> Result<Option<Coding>, Flaw> {
+pub(crate) fn coefficients(bytes: &[u8]) -> Result<Option<Coding>, Flaw> {
     let found = match read(bytes) {
         Ok(file) if file.fills_scans => return Ok(coding_of(file)),
         Err(Unread::Kind) => return Ok(None),
@@ -71,7 +71,7 @@ pub(in crate::picture) fn coefficients(bytes: &[u8]) -> Result<Option<Coding>, F
 
 /// As [`coefficients`] of a JPEG with long runs of zeros, which only a picture that is decoded to
 /// its last block holds; `None` where they are a hole.
-pub(in crate::picture) fn coefficients_with_zeros(bytes: &[u8]) -> Option<Option<Coding>> {
+pub(crate) fn coefficients_with_zeros(bytes: &[u8]) -> Option<Option<Coding>> {
     read(bytes).ok().filter(|file| file.fills_scans).map(coding_of)
 }
 

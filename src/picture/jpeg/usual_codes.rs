@@ -10,7 +10,7 @@ const TABLES: u8 = 0xc4;
 
 /// `bytes` with the standard tables before their first scan; `None` where they have tables, or no
 /// scan.
-pub(in crate::picture) fn with_usual_codes(bytes: &[u8]) -> Option<Vec<u8>> {
+pub(crate) fn with_usual_codes(bytes: &[u8]) -> Option<Vec<u8>> {
     let first = Segments::new(bytes)
         .take_while(|segment| !matches!(segment, Ok(Segment { marker: TABLES, .. })))
         .find(|segment| !matches!(segment, Ok(segment) if segment.marker != SCAN))?

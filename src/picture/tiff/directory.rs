@@ -4,18 +4,18 @@ use super::{BITS_PER_SAMPLE, File, SAMPLE_FORMAT, SAMPLES_PER_PIXEL};
 use crate::picture::Flaw;
 
 /// Most letters of a text that are read. Guess: enough for a name.
-pub(in crate::picture) const LETTERS_MAX: usize = 128;
+pub(crate) const LETTERS_MAX: usize = 128;
 
 /// The entries of a directory; a tag that stands twice counts once, by its first entry.
-pub(in crate::picture) struct Directory<'a> {
-    pub(in crate::picture) file: &'a File<'a>,
-    pub(in crate::picture) at: usize,
+pub(crate) struct Directory<'a> {
+    pub(crate) file: &'a File<'a>,
+    pub(crate) at: usize,
     /// Tag and place of each entry.
-    pub(in crate::picture) entries: Vec<(u16, usize)>,
+    pub(crate) entries: Vec<(u16, usize)>,
 }
 
 impl<'a> Directory<'a> {
-    pub(in crate::picture) fn read(file: &'a File<'a>, at: usize) -> Result<Directory<'a>, Flaw> {
+    pub(crate) fn read(file: &'a File<'a>, at: usize) -> Result<Directory<'a>, Flaw> {
         let count = usize::from(file.u16(at)?);
         if count == 0 {
             return Err(file.damaged("a directory of no entries", "at least one"));
@@ -27,39 +27,39 @@ impl<'a> Directory<'a> {
     }
 
     /// The first directory of `file`.
-    pub(in crate::picture) fn first(file: &'a File<'a>) -> Result<Directory<'a>, Flaw> {
+    pub(crate) fn first(file: &'a File<'a>) -> Result<Directory<'a>, Flaw> {
         Directory::read(file, file.u32(4)? as usize)
     }
 
     /// The directory whose place is in the field `tag`, if it can be read.
-    pub(in crate::picture) fn below(&self, tag: u16) -> Option<Directory<'a>> {
+    pub(crate) fn below(&self, tag: u16) -> Option<Directory<'a>> {
         Directory::read(self.file, self.number(tag).ok()??).ok()
     }
 
     /// Where the place of the next directory is stated.
-    pub(in crate::picture) fn next_field(&self) -> usize {
+    pub(crate) fn next_field(&self) -> usize {
         self.at + 2 + 12 * self.entries.len()
     }
 
     /// The place of the next directory; 0 after the last one.
-    pub(in crate::picture) fn next(&self) -> Result<usize, Flaw> {
+    pub(crate) fn next(&self) -> Result<usize, Flaw> {
         self.file.u32(self.next_field()).map(|at| at as usize)
     }
 
-    pub(in crate::picture) fn find(&self, tag: u16) -> Option<usize> {
+    pub(crate) fn find(&self, tag: u16) -> Option<usize> {
         self.entries.iter().find(|(found, _)| *found == tag).map(|&(_, entry)| entry)
     }
 
-    pub(in crate::picture) fn numbers(&self, tag: u16) -> Result<Option<Vec<usize>>, Flaw> {
+    pub(crate) fn numbers(&self, tag: u16) -> Result<Option<Vec<usize>>, Flaw> {
         self.find(tag).map(|entry| self.file.numbers(entry)).transpose()
     }
 
-    pub(in crate::picture) fn number(&self, tag: u16) -> Result<Option<usize>, Flaw> {
+    pub(crate) fn number(&self, tag: u16) -> Result<Option<usize>, Flaw> {
         self.find(tag).map(|entry| self.file.first(entry)).transpose()
     }
 
     /// The printable letters of a text, at most [`LETTERS_MAX`].
-    pub(in crate::picture) fn text(&self, tag: u16) -> Result<Option<String>, Flaw> {
+    pub(crate) fn text(&self, tag: u16) -> Result<Option<String>, Flaw> {
         let Some(entry) = self.find(tag) else { return Ok(None) };
         let (count, at) = self.file.place(entry, 1)?;
         let bytes = self.file.bytes.get(at..).unwrap_or_default().iter();
@@ -69,7 +69,7 @@ impl<'a> Directory<'a> {
     }
 
     /// Whole, fractional or floating numbers.
-    pub(in crate::picture) fn reals(&self, tag: u16) -> Result<Option<Vec<f32>>, Flaw> {
+    pub(crate) fn reals(&self, tag: u16) -> Result<Option<Vec<f32>>, Flaw> {
         let Some(entry) = self.find(tag) else { return Ok(None) };
         let (file, kind) = (self.file, self.file.u16(entry + 2)?);
         let width = match kind {
@@ -93,7 +93,7 @@ impl<'a> Directory<'a> {
 }
 
 /// The samples of the first picture in words, for a decoder that does not read them.
-pub(in crate::picture) fn samples_of(bytes: &[u8]) -> Option<String> {
+pub(crate) fn samples_of(bytes: &[u8]) -> Option<String> {
     let file = File::new(bytes);
     let directory = Directory::first(&file).ok()?;
     let number = |tag| directory.number(tag).ok().flatten().unwrap_or(1);
