@@ -53,7 +53,7 @@ const SCAN: u8 = 0xda;
 /// picture in four inks.
 pub(super) fn walk(bytes: &[u8]) -> Result<Walked, Flaw> {
     let mut walked = Walked::default();
-    let mut frame: Option<FrameHeader> = None;
+    let mut frame = None;
     let (mut coded_bytes, mut hole) = (0, 0..0);
     let (mut has_density, mut has_exif) = (false, false);
     let mut segments = Segments::new(bytes);
@@ -90,7 +90,7 @@ pub(super) fn walk(bytes: &[u8]) -> Result<Walked, Flaw> {
             _ => {}
         }
     }
-    let Some(FrameHeader { size, components }) = frame.filter(|_| coded_bytes > 0) else {
+    let Some((size, components)) = frame.filter(|_| coded_bytes > 0) else {
         return Err(damaged(
             "an end-of-image marker before any picture",
             "a frame header and a scan",
@@ -206,12 +206,8 @@ fn unsupported(found: &str) -> Flaw {
     Flaw::Unsupported { kind: "JPEG", found: found.to_owned(), allowed }
 }
 
-struct FrameHeader {
-    size: Size,
-    components: u8,
-}
-
-fn frame_header(body: &[u8]) -> Result<FrameHeader, Flaw> {
+/// The picture's size and the number of its components.
+fn frame_header(body: &[u8]) -> Result<(Size, u8), Flaw> {
     let [precision, h1, h0, w1, w0, components, ..] = *body else {
         return Err(damaged("a short frame header", "at least 6 bytes"));
     };
@@ -222,7 +218,7 @@ fn frame_header(body: &[u8]) -> Result<FrameHeader, Flaw> {
     if size.area() == 0 {
         return Err(damaged(&format!("a frame of {size}"), "at least 1×1"));
     }
-    Ok(FrameHeader { size, components })
+    Ok((size, components))
 }
 
 /// The end of the entropy-coded data from `at`: the next marker but a restart, or the file's end.

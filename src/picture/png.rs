@@ -22,12 +22,6 @@ const CHUNKS: PartTable = PartTable {
     ],
 };
 
-/// A chunk with a valid CRC.
-struct Chunk<'a> {
-    name: &'a [u8; 4],
-    body: &'a [u8],
-}
-
 /// Walks `bytes` from the signature to IEND.
 pub(super) fn walk(bytes: &[u8]) -> Result<Walked, Flaw> {
     if !bytes.starts_with(SIGNATURE) {
@@ -42,7 +36,7 @@ pub(super) fn walk(bytes: &[u8]) -> Result<Walked, Flaw> {
     let mut at = SIGNATURE.len();
     let (mut walked, mut colours) = (Walked::default(), PngColours::default());
     loop {
-        let Chunk { name, body } = chunk(bytes, &mut at)?;
+        let (name, body) = chunk(bytes, &mut at)?;
         let numbers = || body.chunks_exact(4).map(|b| u32::from_be_bytes([b[0], b[1], b[2], b[3]]));
         if name != b"IEND" {
             walked.look_up(&CHUNKS, "the PNG's data", name);
@@ -115,8 +109,8 @@ impl PngColours {
     }
 }
 
-/// The chunk at `at`, which moves past it.
-fn chunk<'a>(bytes: &'a [u8], at: &mut usize) -> Result<Chunk<'a>, Flaw> {
+/// Name and body of the chunk at `at`, which moves past it; its CRC is valid.
+fn chunk<'a>(bytes: &'a [u8], at: &mut usize) -> Result<(&'a [u8; 4], &'a [u8]), Flaw> {
     let begin = *at;
     let cut = || ended_early(bytes, begin);
     let rest = &bytes[begin..];
@@ -147,7 +141,7 @@ fn chunk<'a>(bytes: &'a [u8], at: &mut usize) -> Result<Chunk<'a>, Flaw> {
         ));
     }
     *at = bytes.len() - after.len();
-    Ok(Chunk { name, body })
+    Ok((name, body))
 }
 
 /// The flaw of a file that ends inside the chunk at `at`.

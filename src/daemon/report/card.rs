@@ -171,28 +171,20 @@ fn describe_confirmation(report: &Report) -> Option<(&'static str, String)> {
     let Some(certificate) = &report.certificate else {
         return Some(("none", "Not confirmed: it was not photographed again.".to_owned()));
     };
-    let (class, words) = match certificate.confirmation() {
-        Confirmation::Full => (
-            "good",
-            "Confirmed: photographed through the lens again, the result matches your photo",
-        ),
-        Confirmation::Noisy => (
-            "fair",
-            "Photographed through the lens again, the result matches your photo within its strong \
-             noise",
-        ),
-        Confirmation::Nearly => (
-            "fair",
-            "Nearly confirmed: photographed through the lens again, the result nearly matches your \
-             photo",
-        ),
-        Confirmation::Not => (
-            "poor",
-            "Not confirmed: photographed through the lens again, the result still differs from \
-             your photo",
-        ),
+    let (class, finding) = match certificate.confirmation() {
+        Confirmation::Full => ("good", "matches your photo"),
+        Confirmation::Noisy => ("fair", "matches your photo within its strong noise"),
+        Confirmation::Nearly => ("fair", "nearly matches your photo"),
+        Confirmation::Not => ("poor", "still differs from your photo"),
     };
-    Some((class, format!("{words}{}.", certificate.proviso())))
+    let again = match certificate.confirmation() {
+        Confirmation::Full => "Confirmed: photographed",
+        Confirmation::Noisy => "Photographed",
+        Confirmation::Nearly => "Nearly confirmed: photographed",
+        Confirmation::Not => "Not confirmed: photographed",
+    };
+    let proviso = certificate.proviso();
+    Some((class, format!("{again} through the lens again, the result {finding}{proviso}.")))
 }
 
 fn details(photo: &GalleryPhoto<'_>, up: &str) -> String {

@@ -24,15 +24,10 @@ fn line(doing: &Doing, now_unix_s: u64) -> String {
     let words = doing.to_string();
     let words = escape(words.trim_end_matches('.'));
     format!(
-        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
-         <noscript><meta http-equiv=\"refresh\" content=\"3\"></noscript>\n\
-         <meta name=\"color-scheme\" content=\"light dark\">\n\
-         <title>Status of the box</title>\n<style>body, h1 {{ margin: 0; font: 1rem/1.4 \
-         system-ui, sans-serif; overflow-wrap: anywhere; }}</style>\n</head>\n\
-         <body><main><h1>{words}. <small>({})</small></h1></main>\n\
-         <script>\n{}</script></body>\n</html>\n",
-        moment(now_unix_s),
-        include_str!("now.js"),
+        include_str!("now.html"),
+        words = words,
+        written = moment(now_unix_s),
+        script = include_str!("now.js"),
     )
 }
 

@@ -78,7 +78,7 @@ pub(super) fn first_page(
     let pages = all.len().div_ceil(PHOTOS);
     pager(&mut html, pages);
     cards(&mut html, &all[..all.len().min(PHOTOS)], "");
-    html.push_str(HELP);
+    html.push_str(include_str!("help.html"));
     let _ = writeln!(
         html,
         "<p class=\"quiet\">Written {} by the rig {}. Also available <a \
@@ -151,48 +151,15 @@ fn cards(html: &mut String, shown: &[GalleryPhoto<'_>], up: &str) {
     html.push_str("</div>\n");
 }
 
-const HELP: &str = "<details class=\"aside\"><summary>Terms, downloads, trying again</summary>\n\
-    <dl>\
-    <dt>Sharpened with the lens model</dt><dd>The box has measured the blur of its lens and \
-    removed it.</dd>\
-    <dt>Corrected with the camera</dt><dd>The result was shown on the panel, photographed through \
-    the lens, and corrected where that differed from your photo.</dd>\
-    <dt>Confirmed</dt><dd>The photograph of the result matches your photo but for noise. Nearly \
-    confirmed: but for a little more. Not confirmed: it differs, or none was taken.</dd>\
-    <dt>Returned unchanged</dt><dd>The box could not improve the photo; the result is your \
-    file.</dd>\
-    <dt>Full screen</dt><dd>Left and right lead to the next photo. + and \u{2212} zoom, 1 shows \
-    the pixels, 0 the whole photo; up, down, and left and right with Shift move the view.</dd>\
-    <dt>To download all</dt><dd>Every result is a file in the folder <code>outbox</code>, with \
-    the name of its photo (a duplicate name gets a number, and a raw photo's result ends in \
-    <code>.tif</code>): copy them from there, or compress them into one archive with the file \
-    manager.</dd>\
-    <dt>To try again</dt><dd>Move the original from <code>done</code> or <code>failed</code> back \
-    into <code>inbox</code>. The earlier result stays.</dd></dl>\
-    </details>\n";
-
 fn head(summary: &str, up: &str, count: usize) -> String {
-    let mut html = format!(
-        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
-         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
-         <meta name=\"color-scheme\" content=\"light dark\">\n<title>relens: restored \
-         photos</title>\n<style>\n{}</style>\n\
-         <script>document.documentElement.className = \"js\";</script>\n</head>\n\
-         <body data-up=\"{up}\" data-page=\"{PHOTOS}\">\n<header>\n<h1>relens</h1>\n{summary}",
-        include_str!("page.css"),
-    );
-    if count > 6 {
-        html.push_str(
-            "<form id=\"find\" role=\"search\"><input type=\"search\" placeholder=\"Find a name\" \
-             aria-label=\"Find a photo by its name\">\
-             <button type=\"button\" data-state=\"\" aria-pressed=\"true\">All</button>\
-             <button type=\"button\" data-state=\"restored\" aria-pressed=\"false\">Restored\
-             </button><button type=\"button\" data-state=\"unchanged\" aria-pressed=\"false\">\
-             Unchanged</button></form>\n",
-        );
-    }
-    html.push_str("</header>\n<main>\n<div id=\"found\" hidden></div>\n");
-    html
+    format!(
+        include_str!("head.html"),
+        style = include_str!("page.css"),
+        up = up,
+        photos = PHOTOS,
+        summary = summary,
+        search = if count > 6 { include_str!("search.html") } else { "" },
+    )
 }
 
 fn foot(mut html: String) -> String {

@@ -158,32 +158,22 @@ impl Report {
 
     /// The log line.
     pub fn line(&self) -> String {
-        let captures = if self.captures == 1 {
-            "1 capture".into()
-        } else {
-            format!("{} captures", self.captures)
+        let Report { photo, method, reason, seconds, size, stored, .. } = self;
+        let captures = match self.captures {
+            1 => "1 capture".to_owned(),
+            n => format!("{n} captures"),
+        };
+        if self.outcome == ResultKind::Untouched {
+            return format!("{photo}: returned unchanged: {reason} ({captures}, {seconds:.1} s)");
+        }
+        let smaller = match stored.area() > size.area() {
+            true => format!(" smaller, {size} instead of {stored}"),
+            false => String::new(),
         };
         let certificate = self.certificate.map_or(String::new(), |c| {
             format!("; captured again, it differs from the photo by {}", c.words())
         });
-        let Report { size, stored, .. } = self;
-        let outcome = match self.outcome {
-            ResultKind::Restored if stored.area() > size.area() => {
-                &*format!("restored smaller, {size} instead of {stored}")
-            }
-            ResultKind::Restored => "restored",
-            ResultKind::Untouched => {
-                let reason = &self.reason;
-                return format!(
-                    "{}: returned unchanged: {reason} ({captures}, {:.1} s)",
-                    self.photo, self.seconds
-                );
-            }
-        };
-        format!(
-            "{}: {outcome} ({}, {captures}, {:.1} s{certificate})",
-            self.photo, self.method, self.seconds
-        )
+        format!("{photo}: restored{smaller} ({method}, {captures}, {seconds:.1} s{certificate})")
     }
 }
 

@@ -7,7 +7,7 @@
 use super::super::Flaw;
 use super::huffman::HuffmanCodes;
 use super::scan::{Scan, ScanBlocks, ScanPart, ZIGZAG};
-use super::{FrameHeader, SCAN, Segment, Segments, damaged, frame_header};
+use super::{SCAN, Segment, Segments, damaged, frame_header};
 use crate::frame::{BLOCK_AREA, BLOCK_PX, CodedComponent, Coding, Size};
 
 /// Most scans of one picture. Guess: progressive coders write ten.
@@ -132,7 +132,7 @@ fn u16_at(bytes: &[u8], at: usize) -> Option<u16> {
 
 /// The picture of a frame header, all coefficients zero (T.81, B.2.2).
 fn frame_of(body: &[u8], progressive: bool) -> Option<CodedFrame> {
-    let FrameHeader { size, components } = frame_header(body).ok()?;
+    let (size, components) = frame_header(body).ok()?;
     let count = usize::from(components);
     let head = |c: &[u8]| {
         let sampling = (c[1] >> 4, c[1] & 15);
