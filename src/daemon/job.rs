@@ -284,8 +284,9 @@ impl Job<'_> {
     fn read(&self, photo: &Claimed) -> Result<Photo, JobError> {
         let (files, path, name) = (&self.folders.files, &photo.path, photo.display_name());
         let before = files.metadata(path).ok();
-        let opened = files.raw().open(path);
-        let opened = opened.map_err(|source| PictureError::Read { path: (&name).into(), source });
+        let unread =
+            |error: FileError| PictureError::Read { path: (&name).into(), source: error.into() };
+        let opened = files.open(path).map_err(unread);
         let error = match opened.and_then(|file| self.setting.photo(&name, file)) {
             Ok(read) => return Ok(read),
             Err(error) => error,

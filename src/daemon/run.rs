@@ -17,7 +17,7 @@ use super::store::folders::Folders;
 use super::store::hints::Hints;
 use super::store::inbox::{Inbox, Patience, Ready};
 use super::store::late::LateWrites;
-use super::store::report_file::{Delivered, Failed};
+use super::store::report_file::Delivered;
 use super::store::withdraw::withdraw;
 use super::watcher::Watcher;
 use crate::disk::{FileError, Metadata, if_found};
@@ -408,9 +408,8 @@ impl<'a> Daemon<'a> {
 
     /// Keeps the photo at `path` in the inbox, to be tried again after `retry_s`.
     fn defer(&mut self, path: PathBuf, reason: String, retry_s: f64) {
-        let photo = path.to_string_lossy().into_owned();
         let retry_at = Moment(self.clocks.moment().0 + retry_s);
-        self.inbox.put_back(&self.folders, path, Failed { photo, reason }, retry_at);
+        self.inbox.put_back(&self.folders, path, reason, retry_at);
     }
 
     fn withdraw(&mut self, photos: &[Delivered]) -> Result<(), DaemonError> {

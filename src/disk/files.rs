@@ -46,11 +46,6 @@ impl Files {
         Files(Arc::new(LocalDisk::new(folders)))
     }
 
-    /// The disk.
-    pub fn raw(&self) -> &dyn Disk {
-        &*self.0
-    }
-
     /// Names and types of the entries of `folder`, in no order.
     pub fn list(&self, folder: &Path) -> Result<Vec<(OsString, FileKind)>, FileError> {
         self.0.list(folder).map_err(FileError::at("read the folder", folder))

@@ -177,11 +177,9 @@ fn metadata_of(stat: &Stat) -> Metadata {
     }
 }
 
-struct LocalFile(File);
-
-impl Unsynced for LocalFile {
+impl Unsynced for File {
     fn sync(self: Box<Self>) -> io::Result<()> {
-        self.0.sync_all()
+        self.sync_all()
     }
 }
 
@@ -260,7 +258,7 @@ impl Disk for LocalDisk {
         })?);
         io::copy(content, &mut file)?;
         file.flush()?;
-        Ok(Box::new(LocalFile(file)))
+        Ok(Box::new(file))
     }
 
     fn sync_file(&self, path: &Path) -> io::Result<()> {

@@ -62,13 +62,13 @@ pub(crate) const OUR_MAKE: &str = "relens";
 /// Most directories, so that a hostile file does not keep the program busy. Guess.
 const DIRECTORIES_MAX: usize = 32;
 
-/// Fields with one supported value: tag, default, that value, name.
-const ONLY: [(u16, usize, usize, &str); 5] = [
-    (COMPRESSION, 1, 1, "compression"),
-    (FILL_ORDER, 1, 1, "order of bits"),
-    (SAMPLES_PER_PIXEL, 1, 1, "samples a pixel"),
-    (SAMPLE_FORMAT, 1, 1, "sample format"),
-    (CFA_LAYOUT, 1, 1, "layout of the colour filters"),
+/// Fields whose one supported value is 1, also where they are missing.
+const ONLY: [(u16, &str); 5] = [
+    (COMPRESSION, "compression"),
+    (FILL_ORDER, "order of bits"),
+    (SAMPLES_PER_PIXEL, "samples a pixel"),
+    (SAMPLE_FORMAT, "sample format"),
+    (CFA_LAYOUT, "layout of the colour filters"),
 ];
 
 /// Fields that are not supported, and their names.
@@ -222,14 +222,13 @@ impl Directory<'_> {
         if !is_sites && self.number(SAMPLES_PER_PIXEL)?.unwrap_or(1) > 1 {
             return Err(unsupported("a partly developed picture (linear DNG)".to_owned()));
         }
-        for (tag, without, allowed, name) in ONLY {
-            let found = self.number(tag)?.unwrap_or(without);
-            match (tag, found) {
-                _ if found == allowed => {}
-                (COMPRESSION, how) => {
+        for (tag, name) in ONLY {
+            match self.number(tag)?.unwrap_or(1) {
+                1 => {}
+                how if tag == COMPRESSION => {
                     return Err(unsupported(format!("compressed counts (compression {how})")));
                 }
-                _ => return Err(unsupported(format!("{name} {found} in place of {allowed}"))),
+                found => return Err(unsupported(format!("{name} {found} in place of 1"))),
             }
         }
         if let Some((_, what)) = NEVER.iter().find(|(tag, _)| self.find(*tag).is_some()) {

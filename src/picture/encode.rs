@@ -27,8 +27,8 @@ pub fn encode(
     manner: &Manner,
     grey: bool,
 ) -> Result<Vec<u8>, PictureError> {
-    let encoded = encoded(picture, manner, grey, QUALITY);
-    encoded.map_err(|source| PictureError::Encode { name: name.to_owned(), source })
+    encoded(picture, manner, grey, QUALITY)
+        .map_err(|source| PictureError::Encode { name: name.to_owned(), source })
 }
 
 impl Photo {

@@ -46,24 +46,6 @@ pub(super) const GPS_DIRECTORY: u16 = 34853;
 pub(super) const MAKER_NOTE: u16 = 37500;
 const PIXEL_WIDTH: u16 = 40962;
 
-/// Values of [`PHOTOMETRIC`] and of [`COMPRESSION`] that are not read (TIFF 6.0; the last three by
-/// LibTIFF).
-const INKS: [(usize, &str); 4] = [
-    (3, "a palette of colours"),
-    (5, "four inks (CMYK)"),
-    (6, "brightness and differences of colours (YCbCr)"),
-    (8, "brightness and colours of CIELab"),
-];
-const PACKED: [(usize, &str); 8] = [
-    (2, "a fax's compression"),
-    (3, "a fax's compression"),
-    (4, "a fax's compression"),
-    (6, "a JPEG's compression"),
-    (7, "a JPEG's compression"),
-    (34925, "compression by LZMA"),
-    (50000, "compression by Zstandard"),
-    (50001, "a WebP's compression"),
-];
 /// What is read.
 const READ: &str = "grey and RGB of 8 or 16 bits, as they are or packed by LZW, Deflate or \
                     PackBits; save it so in an image program";
@@ -228,25 +210,32 @@ impl Directory<'_> {
         }
     }
 
-    /// Checks that inks, compression and depth are read.
+    /// Checks that inks, compression and depth are read (TIFF 6.0; the last three compressions by
+    /// LibTIFF).
     fn check_coding(&self) -> Result<(), Flaw> {
         // Without these fields: grey or RGB, plain, of one bit, whole numbers.
         let number = |tag| self.number(tag).map(|number| number.unwrap_or(1));
         let (inks, packing, bits) =
             (number(PHOTOMETRIC)?, number(COMPRESSION)?, number(BITS_PER_SAMPLE)?);
-        let is_whole = number(SAMPLE_FORMAT)? != 3;
-        let unread = |of: &[(usize, &str)], number: usize| {
-            of.iter().find(|(one, _)| *one == number).map(|(_, words)| (*words).to_owned())
-        };
-        let deep = (bits > 16 && is_whole).then(|| format!("samples of {bits} bits"));
+        let is_deep = bits > 16 && number(SAMPLE_FORMAT)? != 3;
         let is_parted = number(PLANAR_CONFIGURATION)? == 2 && self.find(TILE_OFFSETS).is_some();
-        let parted = is_parted.then(|| "tiles of a single colour each".to_owned());
-        let turned =
-            (number(FILL_ORDER)? == 2).then(|| "bytes with their bits reversed".to_owned());
-        match unread(&INKS, inks).or(unread(&PACKED, packing)).or(deep).or(parted).or(turned) {
-            Some(found) => Err(Flaw::Unsupported { kind: "TIFF", found, allowed: READ }),
-            None => Ok(()),
-        }
+        let is_reversed = number(FILL_ORDER)? == 2;
+        let found = match (inks, packing) {
+            (3, _) => "a palette of colours",
+            (5, _) => "four inks (CMYK)",
+            (6, _) => "brightness and differences of colours (YCbCr)",
+            (8, _) => "brightness and colours of CIELab",
+            (_, 2..=4) => "a fax's compression",
+            (_, 6 | 7) => "a JPEG's compression",
+            (_, 34925) => "compression by LZMA",
+            (_, 50000) => "compression by Zstandard",
+            (_, 50001) => "a WebP's compression",
+            _ if is_deep => &*format!("samples of {bits} bits"),
+            _ if is_parted => "tiles of a single colour each",
+            _ if is_reversed => "bytes with their bits reversed",
+            _ => return Ok(()),
+        };
+        Err(Flaw::Unsupported { kind: "TIFF", found: found.to_owned(), allowed: READ })
     }
 
     /// Whether Photoshop's image resources hold IPTC data.

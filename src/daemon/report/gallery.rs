@@ -13,7 +13,7 @@ use super::summary::PhotoCounts;
 use crate::daemon::store::companions::is_hidden;
 use crate::daemon::store::folders::Folders;
 use crate::daemon::store::names::{address, note_name, thumbnail_address};
-use crate::daemon::store::report_file::{Failed, Report, read_report};
+use crate::daemon::store::report_file::{Failed, Report};
 use crate::daemon::store::waiting::Waiting;
 use crate::disk::FileError;
 use crate::disk::files::json;
@@ -54,7 +54,7 @@ impl Gallery {
             if path.extension().is_none_or(|e| e != "json") || !names.contains(result) {
                 continue;
             }
-            match read_report(files, &path).ok().flatten() {
+            match files.read_json::<Report>(&path).ok().flatten() {
                 Some(report) => gallery.add(&report),
                 None => log::warn!(
                     "{} is not a report of relens, skipped in the gallery",

@@ -124,8 +124,7 @@ impl Inbox {
         self.deferred
             .retain(|path, _| self.retries.contains_key(path) || deferred.contains_key(path));
         for (path, reason) in deferred {
-            let photo = path.to_string_lossy().into_owned();
-            self.defer(path, Failed { photo, reason });
+            self.defer(path, reason);
         }
         let (all, retries) = (ready.len(), &self.retries);
         let may_go = |path: &PathBuf| match retries.get(path) {
@@ -213,28 +212,27 @@ impl Inbox {
         Ok(seen.unfinished(now, patience).is_none())
     }
 
-    /// Defers the photo at `path`, with the reason in `deferred`, until `retry_at` or until it
-    /// changes.
+    /// Defers the photo at `path`, for `reason`, until `retry_at` or until it changes.
     pub(crate) fn put_back(
         &mut self,
         folders: &Folders,
         path: PathBuf,
-        deferred: Failed,
+        reason: String,
         retry_at: Moment,
     ) {
         let metadata = folders.files.metadata(&folders.inbox.join(&path)).ok();
         self.retries.insert(path.clone(), Retry { metadata, at: retry_at });
         self.waiting.retry += 1;
-        self.defer(path, deferred);
+        self.defer(path, reason);
     }
 
     /// Notes why the photo at `path` stays, and logs each new reason once.
-    fn defer(&mut self, path: PathBuf, deferred: Failed) {
-        let reason = &deferred.reason;
-        if self.deferred.get(&path).is_none_or(|before| before.reason != *reason) {
+    fn defer(&mut self, path: PathBuf, reason: String) {
+        if self.deferred.get(&path).is_none_or(|before| before.reason != reason) {
             log::warn!("kept in the inbox: {reason}");
         }
-        self.deferred.insert(path, deferred);
+        let photo = path.to_string_lossy().into_owned();
+        self.deferred.insert(path, Failed { photo, reason });
     }
 
     /// One photo fewer waits for its turn.

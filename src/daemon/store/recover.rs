@@ -13,7 +13,7 @@ use super::companions::is_hidden;
 use super::folders::Folders;
 use super::ledger::Ledger;
 use super::names::report_name;
-use super::report_file::read_report;
+use super::report_file::Report;
 use crate::disk::{FileError, FileKind, if_found};
 
 /// Closes jobs whose result was delivered and puts other photos back into the inbox.
@@ -104,9 +104,8 @@ fn remove_result(folders: &Folders, result: &OsStr, path: &Path) -> Result<(), F
 /// Whether the report beside `result` belongs to the photo at `path`, by its checksum.
 fn is_reported(folders: &Folders, result: &OsStr, path: &Path) -> Result<bool, FileError> {
     let files = &folders.files;
-    let Some(report) = read_report(files, &folders.outbox.join(report_name(result)))? else {
-        return Ok(false);
-    };
+    let path_of_report = folders.outbox.join(report_name(result));
+    let Some(report) = files.read_json::<Report>(&path_of_report)? else { return Ok(false) };
     let (crc32, length) = files.checksum(path)?;
     Ok(report.photo_bytes == length && report.photo_crc32 == format!("{crc32:08x}"))
 }

@@ -7,7 +7,6 @@ use serde::{Deserialize, Serialize};
 
 use super::names::address;
 use crate::deconvolution::stage::ResultStage;
-use crate::disk::{FileError, Files};
 use crate::frame::{Channels, Rect, Size};
 use crate::picture::{Format, Photo};
 use crate::pipeline::{Iteration, OpticalResidual, Outcome, Verdict, areas};
@@ -189,11 +188,6 @@ pub struct Delivered {
     pub kept: OsString,
     /// The result in the outbox.
     pub result: OsString,
-}
-
-/// Reads the report at `path`; `None` when it is missing or not a report.
-pub(crate) fn read_report(files: &Files, path: &Path) -> Result<Option<Report>, FileError> {
-    files.read_json(path)
 }
 
 /// A photo without a result.
