@@ -133,7 +133,7 @@ impl<'a> Daemon<'a> {
             unfinished_s: self.setting.unfinished_s,
             trusted_unix_s: None,
         };
-        let mut held: Option<String> = None;
+        let mut held: Option<Doing> = None;
         self.set_doing(Doing::Waiting);
         self.try_to_show_gallery();
         while !stop() {
@@ -148,16 +148,13 @@ impl<'a> Daemon<'a> {
             if let Err(error) = &passed {
                 self.schedule.notify(Event::Held(error), &mut *self.restorer);
             }
-            let (reason, wait_s) = match passed {
+            let (doing, wait_s) = match passed {
                 Ok(Turn::Stop) => break,
                 Ok(Turn::Hold { reason, until, .. }) => {
-                    if held.as_ref() != Some(&reason) {
-                        log::info!("waiting: {reason}");
-                        self.set_doing(Doing::Paused { reason: reason.clone() });
-                    }
                     // Bounded, so that the watchdog sees the loop advance.
                     let wait_s = until.map_or(0.0, |at| at.0 - self.clocks.moment().0);
-                    (reason, wait_s.min(HOLD_POLL_S).max(self.setting.poll_s))
+                    let wait_s = wait_s.min(HOLD_POLL_S).max(self.setting.poll_s);
+                    (Doing::Paused { reason }, wait_s)
                 }
                 Ok(Turn::Go | Turn::Again(_) | Turn::Help(_)) => {
                     if held.take().is_some() {
@@ -169,16 +166,17 @@ impl<'a> Daemon<'a> {
                     self.wait_for_photos(stop);
                     continue;
                 }
-                Err(error) => {
-                    let reason = full_message(&error);
-                    if held.as_ref() != Some(&reason) {
-                        log::warn!("held: {reason}");
-                        self.set_doing(Doing::Held { reason: reason.clone() });
-                    }
-                    (reason, held_s)
-                }
+                Err(error) => (Doing::Held { reason: full_message(&error) }, held_s),
             };
-            held = Some(reason);
+            if held.as_ref() != Some(&doing) {
+                match &doing {
+                    Doing::Paused { reason } => log::info!("waiting: {reason}"),
+                    Doing::Held { reason } => log::warn!("held: {reason}"),
+                    _ => {}
+                }
+                self.set_doing(doing.clone());
+                held = Some(doing);
+            }
             self.update_waiting();
             self.watcher.scanned();
             self.wait(wait_s, stop);

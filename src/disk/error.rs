@@ -69,34 +69,29 @@ impl FileError {
     }
 
     /// The apparent reason why `user` may not access the file, and what to do.
-    fn explain_denial(&self, user: u32) -> (String, String) {
+    fn explain_denial(&self, user: u32) -> (&'static str, String) {
         let folder = self.path.parent().unwrap_or(Path::new(""));
-        let (about, around) = (self.path.symlink_metadata(), folder.metadata());
-        let mine = about.as_ref().is_ok_and(|about| about.uid() == user);
-        let unread = about.as_ref().is_ok_and(|about| about.mode() & 0o400 == 0);
+        let (about, around) = (self.path.symlink_metadata().ok(), folder.metadata().ok());
+        let mine = about.as_ref().is_some_and(|about| about.uid() == user);
+        let unread = about.is_some_and(|about| about.mode() & 0o400 == 0);
         let is_locked = self.source.raw_os_error() == Some(EPERM);
-        let sticky = around
-            .as_ref()
-            .is_ok_and(|around| around.mode() & STICKY != 0 && around.uid() != user && !mine);
-        let give_folder = || {
-            let folder = folder.display();
-            format!("give the folder {folder} to that user (chown), or make it group-writable")
-        };
-        let theirs = (
-            "it belongs to another user".to_owned(),
-            "give it to that user (chown), or copy it in as a member of the folder's group"
-                .to_owned(),
-        );
+        let theirs =
+            "give it to that user (chown), or copy it in as a member of the folder's group";
+        let theirs = ("it belongs to another user", theirs.to_owned());
+        let Some(around) = around else { return theirs };
+        let sticky = around.mode() & STICKY != 0 && around.uid() != user && !mine;
         match self.what {
-            _ if around.is_err() => theirs,
             _ if mine && unread => {
-                ("its owner may not read it".to_owned(), "make it readable (chmod u+r)".to_owned())
+                ("its owner may not read it", "make it readable (chmod u+r)".to_owned())
             }
-            "move" if is_locked && !sticky => (
-                "the file or folder is immutable".to_owned(),
-                "make it mutable (chattr -i -a)".to_owned(),
-            ),
-            "move" if !sticky => ("its folder is not writable".to_owned(), give_folder()),
+            "move" if is_locked && !sticky => {
+                ("the file or folder is immutable", "make it mutable (chattr -i -a)".to_owned())
+            }
+            "move" if !sticky => {
+                let folder = folder.display();
+                let words = "to that user (chown), or make it group-writable";
+                ("its folder is not writable", format!("give the folder {folder} {words}"))
+            }
             _ => theirs,
         }
     }

@@ -33,6 +33,8 @@ struct CodedFile {
 struct CodedFrame {
     progressive: bool,
     size: Size,
+    /// Samples of a unit across and down, of the densest component.
+    densest: (u8, u8),
     heads: Vec<ComponentHeader>,
     components: Vec<CodedComponent>,
 }
@@ -160,15 +162,10 @@ fn frame_of(body: &[u8], progressive: bool) -> Option<CodedFrame> {
         CodedComponent { pixels, blocks, steps: Vec::new(), coefficients }
     };
     let components = heads.iter().map(component).collect();
-    Some(CodedFrame { progressive, size, components, heads })
+    Some(CodedFrame { progressive, size, densest, components, heads })
 }
 
 impl CodedFrame {
-    /// Samples of a unit across and down, of the densest component.
-    fn densest(&self) -> (u8, u8) {
-        if self.components.len() == 1 { (1, 1) } else { self.heads[0].sampling }
-    }
-
     /// The scan with the header fields `first`, `last` and `bit`, of `count` components.
     fn scan(&self, [first, last, bit]: [u8; 3], count: usize) -> Option<Scan> {
         if !self.progressive {
@@ -185,7 +182,7 @@ impl CodedFrame {
     /// Columns and rows of units in a scan of the components `parts`.
     fn units(&self, parts: &[ScanPart]) -> Size {
         let [ScanPart { component, .. }] = *parts else {
-            return Coding::blocks(self.size, self.densest(), self.densest());
+            return Coding::blocks(self.size, self.densest, self.densest);
         };
         // A single component is coded block by block, without padding blocks (A.2.2).
         let (across, down) = self.components[component].pixels;
@@ -233,7 +230,7 @@ impl CodedFile {
             return Err(Unread::Kind);
         }
         let frame = self.frame.as_mut().ok_or(Unread::Kind)?;
-        let (units, densest) = (frame.units(&parts), frame.densest());
+        let (units, densest) = (frame.units(&parts), frame.densest);
         let mut blocks = ScanBlocks::new(scan, bytes, at);
         for unit in 0..units.area() {
             let broken = || Unread::Broken(unit, units.area());
