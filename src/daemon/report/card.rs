@@ -16,7 +16,7 @@ pub(super) struct GalleryPhoto<'a> {
     /// Number among all, the oldest 0; part of its address.
     pub(super) number: usize,
     /// Address of the original relative to the outbox, if it still exists.
-    pub(super) original: Option<&'a str>,
+    pub(super) original: Option<String>,
     /// Address of the true scene relative to the outbox, if known.
     pub(super) scene: Option<String>,
 }
@@ -58,7 +58,7 @@ pub(super) fn thumbnail(html: &mut String, photo: &GalleryPhoto<'_>, up: &str) {
 
 /// Appends the card; `up` leads from the page to the outbox.
 pub(super) fn card(html: &mut String, photo: &GalleryPhoto<'_>, up: &str) {
-    let &GalleryPhoto { report, number, original, .. } = photo;
+    let &GalleryPhoto { report, number, ref original, .. } = photo;
     let name = escape(&report.photo);
     pair(html, photo, up);
     let _ = writeln!(html, "<h2 id=\"name-{number}\">{name}</h2>");
@@ -214,7 +214,7 @@ fn details(photo: &GalleryPhoto<'_>, up: &str) -> String {
     for note in &report.notes {
         let _ = writeln!(html, "<p>{}</p>", escape(note));
     }
-    let again = match photo.original {
+    let again = match &photo.original {
         Some(original) => format!(
             "To restore it again, move <a href=\"{up}{}\">its original</a> from <code>done</code> \
              into <code>inbox</code>.",
@@ -243,7 +243,7 @@ mod tests {
             &GalleryPhoto {
                 report,
                 number: 3,
-                original: Some("../done/a.jpg"),
+                original: Some("../done/a.jpg".into()),
                 scene: Some("../scenes/a.jpg".into()),
             },
             "../",

@@ -157,14 +157,11 @@ impl Gallery {
         let found: HashSet<_> = found.iter().map(|(name, _)| name.to_string_lossy()).collect();
         self.reports.retain(|report| found.contains(&*report.result));
         self.find_originals(folders);
-        let originals: Vec<Option<String>> =
-            self.reports.iter().map(|r| self.original(r)).collect();
         let scenes = scenes(folders);
         // Newest first.
-        let numbered = self.reports.iter().zip(&originals).enumerate().rev();
-        let shown: Vec<GalleryPhoto<'_>> = numbered
-            .map(|(number, (report, original))| {
-                let (original, scene) = (original.as_deref(), scene_address(report, &scenes));
+        let shown: Vec<GalleryPhoto<'_>> = (self.reports.iter().enumerate().rev())
+            .map(|(number, report)| {
+                let (original, scene) = (self.original(report), scene_address(report, &scenes));
                 GalleryPhoto { report, number, original, scene }
             })
             .collect();

@@ -250,7 +250,7 @@ mod tests {
         let photos = [GalleryPhoto {
             report: &report,
             number: 0,
-            original: Some("../done/a.jpg"),
+            original: Some("../done/a.jpg".into()),
             scene: None,
         }];
         let html = page("small", &photos, &failed, &[], None);

@@ -1,12 +1,13 @@
 //! Withdrawal of results made after the rig had drifted; their photos go back into the inbox.
 
+use std::ffi::OsStr;
 use std::path::PathBuf;
 
 use super::folders::Folders;
 use super::names::report_name;
 use super::report_file::Delivered;
 use crate::disk::FileError;
-use crate::disk::files::numbered;
+use crate::disk::files::TakenNames;
 
 /// Moves the originals of `photos` back into the inbox, and their results with their reports into
 /// `outbox/withdrawn`. Files already moved are skipped, so that it can be repeated after a power
@@ -25,20 +26,19 @@ pub(crate) fn withdraw(folders: &Folders, photos: &[Delivered]) -> Result<(), Fi
     files.sync_folder(&folders.inbox)?;
     let mut reports = Vec::new();
     for Delivered { result, .. } in photos {
-        let taken = files.taken_names(&withdrawn)?;
         let (from, report) = (outbox.join(result), outbox.join(report_name(result)));
         let moves = files.metadata(&from).is_ok();
         // One number for result and report. After a cut between them, the first free one for the
         // report.
-        let mut names = numbered(result);
-        let Some(name) =
-            names.find(|name| !(taken.holds(&report_name(name)) || moves && taken.holds(name)))
-        else {
-            continue;
+        let is_taken = |taken: &TakenNames, name: &OsStr| {
+            taken.holds(&report_name(name)) || moves && taken.holds(name)
         };
-        if moves {
-            files.rename_new(&from, &withdrawn.join(&name))?;
-        }
+        let name = files.with_free_name(&withdrawn, result, &is_taken, &mut |name| {
+            if moves {
+                files.rename_new(&from, &withdrawn.join(name))?;
+            }
+            Ok(name.to_owned())
+        })?;
         if files.metadata(&report).is_ok() {
             reports.push((report, withdrawn.join(report_name(&name))));
         }
