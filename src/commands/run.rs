@@ -9,8 +9,8 @@ use clap::{Args, ValueHint};
 use relens::config::{self, Mode, RigFile};
 use relens::daemon::service::Supervised;
 use relens::daemon::{
-    Attended, Daemon, DaemonSetting, Doing, Folders, Nightly, Restorer, Schedule, State, Summary,
-    Times, interruption,
+    Attended, Daemon, DaemonSetting, Doing, Folders, Nightly, Restorer, Schedule, Shooting, State,
+    Summary, Times, interruption,
 };
 use relens::frame::{Frame, Work};
 use relens::kiosk::front_panel::{BoxState, FrontPanel};
@@ -118,7 +118,8 @@ fn watch(
     let mut schedule = Attended::new(front, rig.run.mode, &Monotonic, night);
     if rig.run.mode == Mode::Shoot {
         let (nights, countdown_s) = (rig.nights.as_ref(), rig.run.countdown_s);
-        schedule = schedule.shooting(&folders, nights, countdown_s, &SystemTime::now);
+        let shooting = Shooting::new(folders.clone(), nights, countdown_s, &SystemTime::now);
+        schedule = schedule.shooting(shooting);
     }
     let mut watcher = Supervised::new(service_manager(), Box::new(PhotoProgress::default()));
     let daemon = Daemon::open(

@@ -28,6 +28,7 @@ pub use report::summary::{PhotoCounts, Summary};
 pub use run::Daemon;
 pub use schedule::attended::{Attended, interruption};
 pub use schedule::nightly::{Nightly, Times};
+pub use schedule::shooting::Shooting;
 pub use schedule::{Event, Question, Schedule, Turn};
 pub use setting::DaemonSetting;
 pub use store::claim::JobStep;

@@ -10,7 +10,9 @@ use std::sync::{Arc, Mutex};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use relens::config::{Curve, Mode};
-use relens::daemon::{Attended, Daemon, DaemonSetting, Folders, Progress, Restorer, Summary};
+use relens::daemon::{
+    Attended, Daemon, DaemonSetting, Folders, Progress, Restorer, Shooting, Summary,
+};
 use relens::kiosk::front_panel::{BoxState, FrontPanel};
 use relens::kiosk::press::Press;
 use relens::kiosk::screen::Screen;
@@ -163,12 +165,9 @@ pub fn run(
     let (screens, taken, clock) = (Rc::default(), Rc::default(), TestClock::default());
     let mut watched =
         Watched { inner: rig, screens: Rc::clone(&screens), taken: Rc::clone(&taken), asked };
-    let schedule = Attended::new(front.clone(), Mode::Shoot, &clock, Box::new(())).shooting(
-        &folders,
-        None,
-        countdown_s,
-        &calendar,
-    );
+    let shooting = Shooting::new(folders.clone(), None, countdown_s, &calendar);
+    let schedule = Attended::new(front.clone(), Mode::Shoot, &clock, Box::new(()));
+    let schedule = schedule.shooting(shooting);
     let mut watcher = ();
     let daemon =
         Daemon::open(folders, setting, &mut watched, &clock, &calendar, &mut watcher).unwrap();

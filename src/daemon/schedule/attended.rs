@@ -3,14 +3,12 @@
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::SystemTime;
 
-use super::before_box::{BeforeBox, Scene};
+use super::before_box::{BeforeBox, Front};
 use super::shooting::Shooting;
 use super::{Event, Question, Schedule, Turn};
-use crate::config::{Mode, Nights};
+use crate::config::Mode;
 use crate::daemon::job::JobEnd;
-use crate::daemon::store::folders::Folders;
 use crate::daemon::store::report_file::{Report, ResultKind, without_numbers};
 use crate::daemon::store::waiting::Awaited;
 use crate::kiosk::front_panel::{BoxState, FrontPanel};
@@ -82,18 +80,10 @@ impl<'a> Attended<'a> {
         }
     }
 
-    /// Lets the box take photos into the inbox of `folders`, `countdown_s` after a press, dated by
-    /// `calendar`. `nights` sets limits of drift and whether the lens may be measured again.
+    /// Lets the box take photos.
     #[must_use]
-    pub fn shooting(
-        mut self,
-        folders: &Folders,
-        nights: Option<&Nights>,
-        countdown_s: f64,
-        calendar: &'a dyn Fn() -> SystemTime,
-    ) -> Self {
-        self.shooting = Some(Shooting::new(folders.clone(), nights, countdown_s, calendar));
-        self
+    pub fn shooting(self, shooting: Shooting<'a>) -> Self {
+        Attended { shooting: Some(shooting), ..self }
     }
 
     /// Whether the front panel's loop hangs or has ended.
@@ -229,7 +219,7 @@ impl Schedule for Attended<'_> {
             return turn;
         }
         if let Some(shooting) = &mut self.shooting {
-            match shooting.turn(asked, &mut Scene { before: &mut self.before, rig }) {
+            match shooting.turn(asked, &mut Front { before: &mut self.before, rig }) {
                 Ok(true) => {}
                 Ok(false) => {
                     self.be_ready(waiting, rig);

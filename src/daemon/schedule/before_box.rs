@@ -39,12 +39,12 @@ impl<'a> BeforeBox<'a> {
 }
 
 /// What the user in front of the box sees, and the rig behind it.
-pub(super) struct Scene<'a, 'b> {
+pub(super) struct Front<'a, 'b> {
     pub(super) before: &'a mut BeforeBox<'b>,
     pub(super) rig: &'a mut dyn Restorer,
 }
 
-impl Scene<'_, '_> {
+impl Front<'_, '_> {
     pub(super) fn show(&mut self, screen: Screen, state: BoxState) {
         self.before.show(screen, state, self.rig);
     }

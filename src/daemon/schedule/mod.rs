@@ -2,9 +2,9 @@
 
 pub(super) mod attended;
 pub(super) mod nightly;
+pub(super) mod shooting;
 
 mod before_box;
-mod shooting;
 
 use super::error::DaemonError;
 use super::job::JobEnd;

@@ -13,7 +13,7 @@
 
 use std::time::SystemTime;
 
-use super::before_box::Scene;
+use super::before_box::Front;
 use super::{Question, Turn};
 use crate::config::Nights;
 use crate::daemon::error::DaemonError;
@@ -72,7 +72,7 @@ impl Countdown {
 }
 
 /// The process of taking and restoring photos.
-pub(super) struct Shooting<'a> {
+pub struct Shooting<'a> {
     folders: Folders,
     calendar: &'a dyn Fn() -> SystemTime,
     recalibrate: bool,
@@ -90,7 +90,9 @@ pub(super) struct Shooting<'a> {
 }
 
 impl<'a> Shooting<'a> {
-    pub(super) fn new(
+    /// Takes photos into the inbox of `folders`, `countdown_s` after a press, dated by `calendar`.
+    /// `nights` states whether the lens may be measured again.
+    pub fn new(
         folders: Folders,
         nights: Option<&Nights>,
         countdown_s: f64,
@@ -136,7 +138,7 @@ impl<'a> Shooting<'a> {
     pub(super) fn turn(
         &mut self,
         asked: Question,
-        scene: &mut Scene<'_, '_>,
+        front: &mut Front<'_, '_>,
     ) -> Result<bool, Turn> {
         self.postponed_photos = self.postponed_photos.min(asked.waiting);
         if std::mem::take(&mut self.postpone) {
@@ -145,32 +147,32 @@ impl<'a> Shooting<'a> {
                 None => self.postpone(asked.waiting),
             }
         }
-        if self.take_when_due(scene)? {
-            let now = scene.now();
+        if self.take_when_due(front)? {
+            let now = front.now();
             self.ask(now, ASK);
             // The photo is found by the next scan of the inbox.
             let asked = Question { waiting: asked.waiting + 1, ..asked };
-            return self.wait(asked, now, scene);
+            return self.wait(asked, now, front);
         }
         if asked.waiting == 0 {
             self.stage = Stage::Aim;
             return Ok(true);
         }
-        self.restore_waiting(asked, scene)
+        self.restore_waiting(asked, front)
     }
 
     /// Saves a photo taken before, counts down, and takes a photo when the countdown ends. Whether
     /// a photo was saved to the inbox.
-    fn take_when_due(&mut self, scene: &mut Scene<'_, '_>) -> Result<bool, Turn> {
+    fn take_when_due(&mut self, front: &mut Front<'_, '_>) -> Result<bool, Turn> {
         let saved = self.save();
-        let is_due = matches!(saved, Ok(false)) && self.count_down(scene);
+        let is_due = matches!(saved, Ok(false)) && self.count_down(front);
         if let Some(Countdown { shutter, .. }) = self.countdown {
             return Err(Turn::hold(Awaited::Panel, "taking the photo", Some(shutter)));
         }
         if is_due {
-            scene.show(Screen::Taking, BoxState::Working);
-            scene.before.forget_screen();
-            self.take(scene)?;
+            front.show(Screen::Taking, BoxState::Working);
+            front.before.forget_screen();
+            self.take(front)?;
             return Ok(self.save()?);
         }
         Ok(saved?)
@@ -180,9 +182,9 @@ impl<'a> Shooting<'a> {
     fn restore_waiting(
         &mut self,
         asked: Question,
-        scene: &mut Scene<'_, '_>,
+        front: &mut Front<'_, '_>,
     ) -> Result<bool, Turn> {
-        let now = scene.now();
+        let now = front.now();
         match &self.stage {
             Stage::Aim if asked.waiting > self.postponed_photos => self.ask(now, ASK),
             Stage::Ask { since, .. } if now.0 - since.0 > ASK_S => {
@@ -195,11 +197,11 @@ impl<'a> Shooting<'a> {
         }
         let advanced = match &self.stage {
             Stage::Ask { search_at, .. } if asked.is_ready && now.0 >= search_at.0 => {
-                self.search_panel(scene)
+                self.search_panel(front)
             }
             Stage::Measure { why, calibrations } => {
                 let (why, calibrations) = (why.clone(), calibrations + 1);
-                self.measure(why, calibrations, scene)
+                self.measure(why, calibrations, front)
             }
             _ => Ok(()),
         };
@@ -213,13 +215,13 @@ impl<'a> Shooting<'a> {
         }
         match &self.stage {
             Stage::There => Ok(true),
-            _ => self.wait(asked, now, scene),
+            _ => self.wait(asked, now, front),
         }
     }
 
     /// Starts or continues the countdown; true when it ends.
-    fn count_down(&mut self, scene: &mut Scene<'_, '_>) -> bool {
-        let now = scene.now();
+    fn count_down(&mut self, front: &mut Front<'_, '_>) -> bool {
+        let now = front.now();
         if std::mem::take(&mut self.go) && self.countdown.is_none() {
             let shutter = Moment(now.0 + self.countdown_s);
             self.countdown = Some(Countdown { shutter, shown: 0 });
@@ -231,7 +233,7 @@ impl<'a> Shooting<'a> {
             return true;
         }
         let screen = Screen::Counting { seconds: countdown.shown };
-        scene.show(screen, BoxState::Counting);
+        front.show(screen, BoxState::Counting);
         false
     }
 
@@ -243,11 +245,11 @@ impl<'a> Shooting<'a> {
         self.stage = Stage::Ask { since: now, search_at: now, words: words.to_owned() };
     }
 
-    fn take(&mut self, scene: &mut Scene<'_, '_>) -> Result<(), DaemonError> {
+    fn take(&mut self, front: &mut Front<'_, '_>) -> Result<(), DaemonError> {
         let failed = |failure: AnyFailure| DaemonError::NotTaken { failure };
         let mut tries = 1;
         loop {
-            let failure = match scene.rig.take() {
+            let failure = match front.rig.take() {
                 Ok(taken) => {
                     self.unsaved = taken;
                     return Ok(());
@@ -259,7 +261,7 @@ impl<'a> Shooting<'a> {
                 return Err(failed(failure));
             }
             if remedy == Remedy::ReopenRig {
-                scene.rig.mend(remedy).map_err(failed)?;
+                front.rig.mend(remedy).map_err(failed)?;
             }
             tries += 1;
         }
@@ -278,13 +280,13 @@ impl<'a> Shooting<'a> {
     }
 
     /// Searches for the panel and checks its position.
-    fn search_panel(&mut self, scene: &mut Scene<'_, '_>) -> Result<(), DaemonError> {
+    fn search_panel(&mut self, front: &mut Front<'_, '_>) -> Result<(), DaemonError> {
         // Test pictures replace the screen.
-        scene.before.forget_screen();
-        let seen = match scene.rig.look_for_panel() {
+        front.before.forget_screen();
+        let seen = match front.rig.look_for_panel() {
             Err(failure) if failure.remedy() == Remedy::ReopenRig => {
-                scene.rig.mend(Remedy::ReopenRig).map_err(DaemonError::of_rig)?;
-                scene.rig.look_for_panel()
+                front.rig.mend(Remedy::ReopenRig).map_err(DaemonError::of_rig)?;
+                front.rig.look_for_panel()
             }
             seen => seen,
         };
@@ -292,17 +294,17 @@ impl<'a> Shooting<'a> {
             PanelView::Absent => ASK.to_owned(),
             PanelView::Askew(what) => format!("The panel is not well placed: {what}."),
             PanelView::There => {
-                let proved = self.prove(0, scene);
-                return self.ask_on_error(proved, scene);
+                let proved = self.prove(0, front);
+                return self.ask_on_error(proved, front);
             }
         };
-        self.ask_again(SEARCH_S, words, scene);
+        self.ask_again(SEARCH_S, words, front);
         Ok(())
     }
 
     /// Shows a pilot, after so many calibrations, and sets the stage.
-    fn prove(&mut self, calibrations: u32, scene: &mut Scene<'_, '_>) -> Result<(), DaemonError> {
-        let drift = scene.rig.pilot().map_err(DaemonError::of_rig)?;
+    fn prove(&mut self, calibrations: u32, front: &mut Front<'_, '_>) -> Result<(), DaemonError> {
+        let drift = front.rig.pilot().map_err(DaemonError::of_rig)?;
         let Some(complaint) = drift.and_then(|drift| drift.complaint()) else {
             self.stage = Stage::There;
             return Ok(());
@@ -320,29 +322,29 @@ impl<'a> Shooting<'a> {
         &mut self,
         complaint: String,
         calibrations: u32,
-        scene: &mut Scene<'_, '_>,
+        front: &mut Front<'_, '_>,
     ) -> Result<(), DaemonError> {
-        scene.before.forget_screen();
+        front.before.forget_screen();
         let measured =
-            scene.rig.mend(Remedy::Recalibrate).map_err(|failure| DaemonError::Calibration {
+            front.rig.mend(Remedy::Recalibrate).map_err(|failure| DaemonError::Calibration {
                 cause: format!("the panel was moved ({complaint}) and"),
                 failure,
             });
-        let proved = measured.and_then(|()| self.prove(calibrations, scene));
-        self.ask_on_error(proved, scene)
+        let proved = measured.and_then(|()| self.prove(calibrations, front));
+        self.ask_on_error(proved, front)
     }
 
     /// Turns an error of the measurement into a request to the user.
     fn ask_on_error(
         &mut self,
         proved: Result<(), DaemonError>,
-        scene: &Scene<'_, '_>,
+        front: &Front<'_, '_>,
     ) -> Result<(), DaemonError> {
         match proved {
             Err(error) if !error.was_asked_for() => {
                 log::warn!("{}", full_message(&error));
                 let words = format!("{}. {}", full_message(&error), error.what_to_do());
-                self.ask_again(MEASURE_AGAIN_S, words, scene);
+                self.ask_again(MEASURE_AGAIN_S, words, front);
                 Ok(())
             }
             proved => proved,
@@ -350,8 +352,8 @@ impl<'a> Shooting<'a> {
     }
 
     /// Asks for the panel in these `words`, with the next search after `in_s` seconds.
-    fn ask_again(&mut self, in_s: f64, words: String, scene: &Scene<'_, '_>) {
-        let now = scene.now();
+    fn ask_again(&mut self, in_s: f64, words: String, front: &Front<'_, '_>) {
+        let now = front.now();
         let since = match &self.stage {
             Stage::Ask { since, .. } => *since,
             _ => now,
@@ -360,11 +362,11 @@ impl<'a> Shooting<'a> {
     }
 
     /// Shows what the waiting photos wait for.
-    fn wait(&self, asked: Question, now: Moment, scene: &mut Scene<'_, '_>) -> Result<bool, Turn> {
+    fn wait(&self, asked: Question, now: Moment, front: &mut Front<'_, '_>) -> Result<bool, Turn> {
         match &self.stage {
             Stage::Aim | Stage::There => Ok(false),
             Stage::Measure { why, .. } => {
-                scene.show(Screen::Measuring { why: why.clone() }, BoxState::Working);
+                front.show(Screen::Measuring { why: why.clone() }, BoxState::Working);
                 let reason = format!(
                     "measuring the lens, because the panel was moved ({why}): leave it where it is"
                 );
@@ -373,7 +375,7 @@ impl<'a> Shooting<'a> {
             Stage::Ask { search_at, words, .. } => {
                 let (photos, others) = (asked.waiting, asked.parts.describe_incomplete());
                 let screen = Screen::Asking { photos, words: words.clone(), others };
-                scene.show(screen, BoxState::Asking);
+                front.show(screen, BoxState::Asking);
                 let reason = format!("the panel is needed: {words}");
                 let until = (search_at.0 > now.0).then_some(*search_at);
                 Err(Turn::hold(Awaited::Panel, reason, until))

@@ -1,7 +1,7 @@
 //! Delivery of a restored photo: report, gallery pictures, and last the result itself.
 
 use std::ffi::OsStr;
-use std::io::{ErrorKind, Read};
+use std::io::ErrorKind;
 
 use super::claim::{Claimed, JobStep};
 use super::folders::Folders;
@@ -71,56 +71,38 @@ pub(crate) fn deliver(
 ) -> Result<Report, FileError> {
     let is_taken =
         |taken: &TakenNames, name: &OsStr| taken.holds(name) || taken.holds(&report_name(name));
-    folders.files.with_free_name(&folders.outbox, wanted, &is_taken, &mut |result| {
-        deliver_as(result, folders, report, encoded, claimed, step)
-    })
-}
-
-fn deliver_as(
-    result: &OsStr,
-    folders: &Folders,
-    report: &Report,
-    encoded: &Encoded,
-    claimed: &mut Claimed,
-    step: &mut dyn FnMut(JobStep),
-) -> Result<Report, FileError> {
-    claimed.ledger.name_result(folders, result)?;
-    step(JobStep::Named);
     let (files, outbox, previews) = (&folders.files, &folders.outbox, &folders.previews);
-    let names = preview_names(result);
-    let report = report.named(result, &names);
-    let report_name = report_name(result);
-    let report_path = outbox.join(&report_name);
-    // The report comes first: it reserves the name, and the names of the pictures with it.
-    let json = json_in_lines(&report, &report_path)?;
-    files.write_new(outbox, &report_name, &mut &json[..])?;
-    let [before, after] = &names;
-    files.replace(&previews.join(before), &encoded.before)?;
-    files.replace_for_good(&previews.join(after), &encoded.after)?;
-    // Not synchronised: the page falls back to the preview.
-    files.replace_for_now(&previews.join(thumbnail_address(after)), &encoded.thumbnail)?;
-    for (name, bytes) in names.iter().zip(encoded.full_size.iter().flatten()) {
-        files.replace_for_now(&previews.join(full_size_address(name)), bytes)?;
-    }
-    step(JobStep::Reported);
-    let (mut original, mut bytes);
-    let content: &mut dyn Read = match &encoded.result {
-        Some(encoded) => {
-            bytes = &encoded[..];
-            &mut bytes
+    files.with_free_name(outbox, wanted, &is_taken, &mut |result| {
+        claimed.ledger.name_result(folders, result)?;
+        step(JobStep::Named);
+        let names = preview_names(result);
+        let report = report.named(result, &names);
+        let report_name = report_name(result);
+        let report_path = outbox.join(&report_name);
+        // The report comes first: it reserves the name, and the names of the pictures with it.
+        let json = json_in_lines(&report, &report_path)?;
+        files.write_new(outbox, &report_name, &mut &json[..])?;
+        let [before, after] = &names;
+        files.replace(&previews.join(before), &encoded.before)?;
+        files.replace_for_good(&previews.join(after), &encoded.after)?;
+        // Not synchronised: the page falls back to the preview.
+        files.replace_for_now(&previews.join(thumbnail_address(after)), &encoded.thumbnail)?;
+        for (name, bytes) in names.iter().zip(encoded.full_size.iter().flatten()) {
+            files.replace_for_now(&previews.join(full_size_address(name)), bytes)?;
         }
-        None => {
-            original = files.open(&claimed.path)?;
-            &mut original
-        }
-    };
-    files.write_new(outbox, result, content).inspect_err(|error| {
-        // The name was taken meanwhile: the next attempt writes another report.
-        if error.kind() == ErrorKind::AlreadyExists {
-            let _ = files.remove(&report_path);
-        }
-    })?;
-    claimed.delivered = true;
-    step(JobStep::Delivered);
-    Ok(report)
+        step(JobStep::Reported);
+        let written = match &encoded.result {
+            Some(bytes) => files.write_new(outbox, result, &mut &bytes[..]),
+            None => files.write_new(outbox, result, &mut files.open(&claimed.path)?),
+        };
+        written.inspect_err(|error| {
+            // The name was taken meanwhile: the next attempt writes another report.
+            if error.kind() == ErrorKind::AlreadyExists {
+                let _ = files.remove(&report_path);
+            }
+        })?;
+        claimed.delivered = true;
+        step(JobStep::Delivered);
+        Ok(report)
+    })
 }

@@ -10,7 +10,6 @@ use crate::disk::files::json;
 /// Name of the file in the root.
 const NAME: &str = ".relens-night.json";
 
-/// State of the nights that survives a reboot.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub(crate) struct NightRecord {
     /// Latest trusted time, seconds since 1970 UTC.
