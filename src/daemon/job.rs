@@ -225,14 +225,12 @@ impl Job<'_> {
         if attempts >= ATTEMPTS_MAX {
             return Err(JobError::Interrupted { photo: photo.display_name(), attempts });
         }
-        let not_a_file = match photo.metadata.kind {
-            FileKind::File => None,
-            FileKind::Link => Some("a link"),
-            FileKind::Folder => Some("a folder"),
-            FileKind::Other => Some("a pipe or device"),
-        };
-        if let Some(found) = not_a_file {
-            Err(PictureError::not_a_file(&photo.display_name(), found))?;
+        let not_a_file = |found| PictureError::not_a_file(&photo.display_name(), found);
+        match photo.metadata.kind {
+            FileKind::File => {}
+            FileKind::Link => Err(not_a_file("a link"))?,
+            FileKind::Folder => Err(not_a_file("a folder"))?,
+            FileKind::Other => Err(not_a_file("a pipe or device"))?,
         }
         let same = |(about, _): &_| FileIdentity::from(*about) == photo.metadata.into();
         if let Some((_, flaw)) = self.refusal.take_if(|refused| same(refused)) {

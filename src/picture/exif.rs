@@ -73,7 +73,7 @@ fn fields(file: &File<'_>, directory: &Directory<'_>, wanted: impl Fn(u16) -> bo
 fn append(out: &mut Vec<u8>, fields: &Fields) -> u32 {
     out.resize(out.len().next_multiple_of(2), 0);
     let at = out.len();
-    let mut beyond = at + 2 + 12 * fields.len() + 4;
+    let beyond = at + 2 + 12 * fields.len() + 4;
     let mut long = Vec::new();
     out.extend((fields.len() as u16).to_le_bytes());
     for (tag, Field { kind, count, bytes }) in fields {
@@ -82,10 +82,9 @@ fn append(out: &mut Vec<u8>, fields: &Fields) -> u32 {
         if bytes.len() <= 4 {
             out.extend(bytes.iter().copied().chain([0; 4]).take(4));
         } else {
-            out.extend((beyond as u32).to_le_bytes());
+            out.extend(((beyond + long.len()) as u32).to_le_bytes());
             long.extend_from_slice(bytes);
             long.resize(long.len().next_multiple_of(2), 0);
-            beyond = at + 2 + 12 * fields.len() + 4 + long.len();
         }
     }
     out.extend([0; 4]);

@@ -202,7 +202,8 @@ impl Photo {
         let mut notes = Vec::new();
         let tone = raster.tone(curve, &mut notes);
         let is_grey = raster.is_grey();
-        let plane = |channel| raster.light(&tone, channel);
+        let place = |channel| if raster.colour.has_color() { channel } else { 0 };
+        let plane = |channel| raster.plane(place(channel), |code| tone.light(channel, code));
         let size = raster.size;
         let light = match is_grey {
             true => Frame::from_planes([Plane::zeros(size), plane(1), Plane::zeros(size)]),
@@ -344,25 +345,18 @@ impl Raster {
         !self.colour.has_color() || (self.icc.is_none() && pixels.all(equal))
     }
 
-    /// The samples at place `at` of each pixel.
-    fn samples_at(&self, at: usize) -> impl Iterator<Item = u16> + '_ {
-        self.samples.iter().skip(at).step_by(self.step()).copied()
-    }
-
-    fn light(&self, tone: &Tone, channel: usize) -> Plane {
-        let at = if self.colour.has_color() { channel } else { 0 };
-        let light = self.samples_at(at).map(|code| tone.light(channel, code)).collect();
-        Plane::from_vec(self.size, light).unwrap_or_else(|| Plane::zeros(self.size))
+    /// The plane of the samples at place `at` of each pixel, by their `value`.
+    fn plane(&self, at: usize, value: impl Fn(u16) -> f32) -> Plane {
+        let own = self.samples.iter().skip(at).step_by(self.step());
+        let values = own.map(|&code| value(code)).collect();
+        Plane::from_vec(self.size, values).unwrap_or_else(|| Plane::zeros(self.size))
     }
 
     /// The alpha plane, 0..1.
     fn alpha(&self) -> Option<Plane> {
         let top = if bits_of(self.colour) == 8 { 255.0 } else { 65535.0 };
-        self.colour.has_alpha().then(|| {
-            let alpha =
-                self.samples_at(self.step() - 1).map(|alpha| f32::from(alpha) / top).collect();
-            Plane::from_vec(self.size, alpha).unwrap_or_else(|| Plane::filled(self.size, 1.0))
-        })
+        let last = self.step() - 1;
+        self.colour.has_alpha().then(|| self.plane(last, |alpha| f32::from(alpha) / top))
     }
 }
 
@@ -373,11 +367,8 @@ impl Raster {
 pub fn embedded(bytes: &'static [u8]) -> [Plane; 3] {
     let raster = decode(bytes, &Limits::default()).expect("embedded pictures decode");
     let scale = if bits_of(raster.colour) == 8 { 1.0 } else { 1.0 / 257.0 };
-    [0, 1, 2].map(|channel| {
-        let at = if raster.colour.has_color() { channel } else { 0 };
-        let codes = raster.samples_at(at).map(|code| f32::from(code) * scale).collect();
-        Plane::from_vec(raster.size, codes).unwrap_or_else(|| Plane::zeros(raster.size))
-    })
+    let place = |channel| if raster.colour.has_color() { channel } else { 0 };
+    [0, 1, 2].map(|channel| raster.plane(place(channel), |code| f32::from(code) * scale))
 }
 
 #[cfg(test)]
