@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 
 use super::Flaw;
 use super::tiff::{
-    Directory, EXIF_DIRECTORY, File, GPS_DIRECTORY, IMAGE_LENGTH, IMAGE_WIDTH, MAKER_NOTE,
+    Directory, EXIF_DIRECTORY, Field, File, GPS_DIRECTORY, IMAGE_LENGTH, IMAGE_WIDTH, MAKER_NOTE,
 };
 use crate::frame::Size;
 
@@ -24,49 +24,20 @@ const EXPOSURE: [u16; 5] = [33434, 33437, 34855, 36867, 37386];
 /// Longest block that a JPEG's segment holds beside its name, with some to spare.
 const BLOCK_BYTES_MAX: usize = 65_000;
 
-/// A field: its type, number of values, and bytes in little-endian order.
-#[derive(Debug, Clone)]
-struct Field {
-    kind: u16,
-    count: usize,
-    bytes: Vec<u8>,
-}
-
 /// The fields of a directory by their tags.
 type Fields = BTreeMap<u16, Field>;
 
-impl Field {
-    /// The field of the entry at `entry`; `None` for one that is cut or of an unknown type.
-    fn read(file: &File<'_>, entry: usize) -> Option<Field> {
-        let kind = file.u16(entry + 2).ok()?;
-        // Bytes of a value, and of the numbers that it is made of.
-        let (width, number) = match kind {
-            1 | 2 | 6 | 7 => (1, 1),
-            3 | 8 => (2, 2),
-            4 | 9 | 11 | 13 => (4, 4),
-            5 | 10 => (8, 4),
-            12 => (8, 8),
-            _ => return None,
-        };
-        let (count, at) = file.place(entry, width).ok()?;
-        let end = count.checked_mul(width)?.checked_add(at)?;
-        let mut bytes = file.bytes.get(at..end)?.to_vec();
-        if file.big_endian {
-            bytes.chunks_exact_mut(number).for_each(<[u8]>::reverse);
-        }
-        Some(Field { kind, count, bytes })
-    }
-
-    fn pointer(to: u32) -> Field {
-        Field { kind: 4, count: 1, bytes: to.to_le_bytes().to_vec() }
-    }
+/// The field with the place of a directory.
+fn pointer(to: u32) -> Field {
+    Field { kind: 4, count: 1, bytes: to.to_le_bytes().to_vec() }
 }
 
 /// The fields of `directory` that are `wanted`.
 fn fields(file: &File<'_>, directory: &Directory<'_>, wanted: impl Fn(u16) -> bool) -> Fields {
     // The first of two counts.
     let each = directory.entries.iter().rev().filter(|(tag, _)| wanted(*tag));
-    each.filter_map(|&(tag, entry)| Some((tag, Field::read(file, entry)?))).collect()
+    each.filter_map(|&(tag, entry)| Some((tag, Field::read(file, entry, usize::MAX).ok()?)))
+        .collect()
 }
 
 /// Appends a directory of `fields` to the little-endian file `out`; returns its place.
@@ -109,7 +80,7 @@ fn describe(file: &File<'_>, from: &[usize], main: &mut Fields, out: &mut Vec<u8
     for (tag, fields) in [(EXIF_DIRECTORY, exif), (GPS_DIRECTORY, gps)] {
         if !fields.is_empty() {
             let at = append(out, &fields);
-            main.insert(tag, Field::pointer(at));
+            main.insert(tag, pointer(at));
         }
     }
 }
@@ -265,7 +236,7 @@ mod tests {
             });
             let file = File::new(&photo);
             let made = of_tiff(&file, &[8]).unwrap();
-            let empty = Fields::from([(IMAGE_WIDTH, Field::pointer(7))]);
+            let empty = Fields::from([(IMAGE_WIDTH, pointer(7))]);
             let mut plain = b"II*\0\0\0\0\0".to_vec();
             let at = append(&mut plain, &empty);
             begin_at(&mut plain, at);
@@ -293,7 +264,7 @@ mod tests {
             let mut out = b"II*\0\0\0\0\0".to_vec();
             let mut at = append(&mut out, &names());
             if below {
-                at = append(&mut out, &Fields::from([(EXIF_DIRECTORY, Field::pointer(at))]));
+                at = append(&mut out, &Fields::from([(EXIF_DIRECTORY, pointer(at))]));
             }
             begin_at(&mut out, at);
             assert_eq!(camera(&out).as_deref(), Some("Raspberry Pi imx296"));
@@ -306,14 +277,14 @@ mod tests {
     fn adobe_rgb_is_recognised_by_number_or_by_index() {
         let with = |space: u32, index: Option<&[u8]>| {
             let mut out = b"II*\0\0\0\0\0".to_vec();
-            let mut exif = Fields::from([(COLOUR_SPACE, Field::pointer(space))]);
+            let mut exif = Fields::from([(COLOUR_SPACE, pointer(space))]);
             if let Some(index) = index {
                 let text = Field { kind: 2, count: index.len(), bytes: index.to_vec() };
                 let at = append(&mut out, &Fields::from([(INTEROPERABILITY_INDEX, text)]));
-                exif.insert(INTEROPERABILITY, Field::pointer(at));
+                exif.insert(INTEROPERABILITY, pointer(at));
             }
             let at = append(&mut out, &exif);
-            let at = append(&mut out, &Fields::from([(EXIF_DIRECTORY, Field::pointer(at))]));
+            let at = append(&mut out, &Fields::from([(EXIF_DIRECTORY, pointer(at))]));
             begin_at(&mut out, at);
             is_adobe_rgb(&out)
         };

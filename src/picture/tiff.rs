@@ -14,7 +14,7 @@ use super::metadata::{HOLE_BYTES, Lost, Walked};
 use super::tone::StatedColours;
 use crate::frame::Size;
 
-pub(super) use directory::{Directory, LETTERS_MAX, samples_of};
+pub(super) use directory::{Directory, Field, LETTERS_MAX, samples_of};
 
 pub(super) const NEW_SUBFILE_TYPE: u16 = 254;
 const SUBFILE_TYPE: u16 = 255;
@@ -301,28 +301,17 @@ impl<'a> File<'a> {
         Ok(if self.big_endian { u32::from_be_bytes(b) } else { u32::from_le_bytes(b) })
     }
 
-    pub(super) fn f64(&self, at: usize) -> Result<f64, Flaw> {
-        let (first, second) = (u64::from(self.u32(at)?), u64::from(self.u32(at + 4)?));
-        let (high, low) = if self.big_endian { (first, second) } else { (second, first) };
-        Ok(f64::from_bits(high << 32 | low))
-    }
-
     /// The whole numbers (BYTE, SHORT, LONG or IFD) of the entry at `entry`.
     pub(super) fn numbers(&self, entry: usize) -> Result<Vec<usize>, Flaw> {
-        let width = match self.u16(entry + 2)? {
+        let Field { kind, bytes, .. } = Field::read(self, entry, VALUES_MAX)?;
+        let width = match kind {
             1 | 7 => 1,
             3 => 2,
             4 | 13 => 4,
             other => return Err(self.damaged(&format!("a field of type {other}"), "SHORT or LONG")),
         };
-        let (count, at) = self.values(entry, width)?;
-        (0..count)
-            .map(|n| match width {
-                1 => self.array(at + n).map(|[byte]| byte.into()),
-                2 => self.u16(at + 2 * n).map(usize::from),
-                _ => self.u32(at + 4 * n).map(|v| v as usize),
-            })
-            .collect()
+        let number = |value: &[u8]| value.iter().rev().fold(0, |sum, &b| sum << 8 | usize::from(b));
+        Ok(bytes.chunks_exact(width).map(number).collect())
     }
 
     /// The number of values of the entry at `entry`, `width` bytes each, and where they begin.
@@ -330,16 +319,6 @@ impl<'a> File<'a> {
         let count = self.u32(entry + 4)? as usize;
         let is_here = count.saturating_mul(width) <= 4;
         Ok((count, if is_here { entry + 8 } else { self.u32(entry + 8)? as usize }))
-    }
-
-    /// As [`File::place`], for values to be read one by one.
-    pub(super) fn values(&self, entry: usize, width: usize) -> Result<(usize, usize), Flaw> {
-        let (count, at) = self.place(entry, width)?;
-        if count > VALUES_MAX {
-            return Err(self
-                .damaged(&format!("a field of {count} values"), &format!("at most {VALUES_MAX}")));
-        }
-        Ok((count, at))
     }
 
     pub(super) fn first(&self, entry: usize) -> Result<usize, Flaw> {

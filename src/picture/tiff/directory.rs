@@ -1,6 +1,6 @@
 //! One directory of a TIFF file.
 
-use super::{BITS_PER_SAMPLE, File, SAMPLE_FORMAT, SAMPLES_PER_PIXEL};
+use super::{BITS_PER_SAMPLE, File, SAMPLE_FORMAT, SAMPLES_PER_PIXEL, VALUES_MAX};
 use crate::picture::Flaw;
 
 /// Most letters of a text that are read. Guess: enough for a name.
@@ -71,24 +71,56 @@ impl<'a> Directory<'a> {
     /// Whole, fractional or floating numbers.
     pub(crate) fn reals(&self, tag: u16) -> Result<Option<Vec<f32>>, Flaw> {
         let Some(entry) = self.find(tag) else { return Ok(None) };
-        let (file, kind) = (self.file, self.file.u16(entry + 2)?);
-        let width = match kind {
-            11 => 4,
-            5 | 10 | 12 => 8,
-            _ => return Ok(Some(file.numbers(entry)?.into_iter().map(|v| v as f32).collect())),
+        let Field { kind, bytes, .. } = Field::read(self.file, entry, VALUES_MAX)?;
+        let words = bytes.as_chunks::<4>().0;
+        // Type 10 has signs.
+        let part = |word: [u8; 4]| match kind {
+            10 => f64::from(i32::from_le_bytes(word)),
+            _ => f64::from(u32::from_le_bytes(word)),
         };
-        let (count, at) = file.values(entry, width)?;
-        let real = |at: usize| match kind {
-            11 => file.u32(at).map(f32::from_bits),
-            12 => file.f64(at).map(|v| v as f32),
-            _ => {
-                let (above, below) = (file.u32(at)?, file.u32(at + 4)?);
-                // Type 10 has signs.
-                let number = |v: u32| if kind == 10 { f64::from(v as i32) } else { f64::from(v) };
-                Ok((number(above) / number(below)) as f32)
-            }
+        Ok(Some(match kind {
+            11 => words.iter().map(|&word| f32::from_le_bytes(word)).collect(),
+            12 => bytes.as_chunks().0.iter().map(|&long| f64::from_le_bytes(long) as f32).collect(),
+            5 | 10 => words.chunks_exact(2).map(|w| (part(w[0]) / part(w[1])) as f32).collect(),
+            _ => self.file.numbers(entry)?.into_iter().map(|v| v as f32).collect(),
+        }))
+    }
+}
+
+/// A field: its type, number of values, and bytes in little-endian order.
+#[derive(Debug, Clone)]
+pub(crate) struct Field {
+    pub(crate) kind: u16,
+    pub(crate) count: usize,
+    pub(crate) bytes: Vec<u8>,
+}
+
+impl Field {
+    /// The field of the entry at `entry`, of at most `count_max` values.
+    pub(crate) fn read(file: &File<'_>, entry: usize, count_max: usize) -> Result<Field, Flaw> {
+        let kind = file.u16(entry + 2)?;
+        // Bytes of a value, and of the numbers that it is made of.
+        let (width, number) = match kind {
+            1 | 2 | 6 | 7 => (1, 1),
+            3 | 8 => (2, 2),
+            4 | 9 | 11 | 13 => (4, 4),
+            5 | 10 => (8, 4),
+            12 => (8, 8),
+            other => return Err(file.damaged(&format!("a field of type {other}"), "SHORT or LONG")),
         };
-        (0..count).map(|n| real(at + width * n)).collect::<Result<_, Flaw>>().map(Some)
+        let (count, at) = file.place(entry, width)?;
+        if count > count_max {
+            let found = format!("a field of {count} values");
+            return Err(file.damaged(&found, &format!("at most {count_max}")));
+        }
+        let end = count.checked_mul(width).and_then(|length| length.checked_add(at));
+        let bytes = end.and_then(|end| file.bytes.get(at..end));
+        let bytes = bytes.ok_or_else(|| file.ended_early("a directory past the end"))?;
+        let mut bytes = bytes.to_vec();
+        if file.big_endian {
+            bytes.chunks_exact_mut(number).for_each(<[u8]>::reverse);
+        }
+        Ok(Field { kind, count, bytes })
     }
 }
 
