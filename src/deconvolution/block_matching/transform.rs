@@ -3,7 +3,7 @@
 //!
 //! Coefficients are stored transposed, which saves a transposition and makes no difference.
 
-use crate::frame::instructions::multiply_add;
+use crate::frame::instructions::{multiply_add, transposed};
 
 /// Side of a block, pixels.
 pub(super) const SIDE: usize = 8;
@@ -30,7 +30,7 @@ impl Cosines {
     #[inline(always)]
     pub(super) fn analyse<const FUSED: bool>(&self, block: &mut Block) {
         self.analyse_columns::<FUSED>(block);
-        *block = transposed(block);
+        turn::<FUSED>(block);
         self.analyse_columns::<FUSED>(block);
     }
 
@@ -38,7 +38,7 @@ impl Cosines {
     #[inline(always)]
     pub(super) fn synthesise<const FUSED: bool>(&self, block: &mut Block) {
         self.synthesise_columns::<FUSED>(block);
-        *block = transposed(block);
+        turn::<FUSED>(block);
         self.synthesise_columns::<FUSED>(block);
     }
 
@@ -93,15 +93,12 @@ pub(super) fn basis(i: usize, k: usize) -> f64 {
     (share / SIDE as f64).sqrt() * angle.cos()
 }
 
+/// Transposes a block.
 #[inline(always)]
-fn transposed(block: &Block) -> Block {
-    let mut out = [0.0; AREA];
-    for y in 0..SIDE {
-        for x in 0..SIDE {
-            out[x * SIDE + y] = block[y * SIDE + x];
-        }
-    }
-    out
+fn turn<const FUSED: bool>(block: &mut Block) {
+    let mut rows = [[0.0; SIDE]; SIDE];
+    rows.copy_from_slice(block.as_chunks().0);
+    block.as_chunks_mut().0.copy_from_slice(&transposed::<FUSED>(rows));
 }
 
 /// The Haar transform along a group of 2ⁿ blocks, in place, the mean in the first block.

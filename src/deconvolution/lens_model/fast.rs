@@ -82,7 +82,7 @@ impl<'a> Cell<'a> {
 
     /// Computes the half spectra of the cell weighted by 1−v and by v, into `halves[0]` and `[1]`.
     #[inline(always)]
-    pub(super) fn weighted_halves(&self, plane: &Plane, work: &mut Workspace) {
+    pub(super) fn weighted_halves<const FUSED: bool>(&self, plane: &Plane, work: &mut Workspace) {
         let pitch = pitch(self.fx.length());
         let [upper, lower, _] = &mut work.halves;
         for column in (0..self.x.length).step_by(LANES) {
@@ -96,9 +96,9 @@ impl<'a> Cell<'a> {
                 }
             }
             let (found, _) = self.fy.run::<false>(&mut work.data, &mut work.scratch);
-            store(found, self.fy.length(), Part::Real, upper, pitch, column);
+            store::<FUSED>(found, self.fy.length(), Part::Real, upper, pitch, column);
             if self.y.functions.len() > 1 {
-                store(found, self.fy.length(), Part::Imaginary, lower, pitch, column);
+                store::<FUSED>(found, self.fy.length(), Part::Imaginary, lower, pitch, column);
             }
         }
     }
@@ -106,7 +106,7 @@ impl<'a> Cell<'a> {
     /// Computes the half spectrum of the area of `plane` that the cell's light reaches, into
     /// `halves[2]`.
     #[inline(always)]
-    pub(super) fn reached_half(&self, plane: &Plane, work: &mut Workspace) {
+    pub(super) fn reached_half<const FUSED: bool>(&self, plane: &Plane, work: &mut Workspace) {
         let (pitch, reach, r) = (pitch(self.fx.length()), self.reach(), self.support_px / 2);
         let half = &mut work.halves[2];
         for column in (0..reach.width).step_by(2 * LANES) {
@@ -120,8 +120,8 @@ impl<'a> Cell<'a> {
                 }
             }
             let (found, _) = self.fy.run::<false>(&mut work.data, &mut work.scratch);
-            store(found, self.fy.length(), Part::Real, half, pitch, column);
-            store(found, self.fy.length(), Part::Imaginary, half, pitch, column + LANES);
+            store::<FUSED>(found, self.fy.length(), Part::Real, half, pitch, column);
+            store::<FUSED>(found, self.fy.length(), Part::Imaginary, half, pitch, column + LANES);
         }
     }
 
@@ -219,7 +219,7 @@ impl Kernel for Forward<'_> {
             let (nx, ny) = (cell.fx.length(), cell.fy.length());
             let pitch = pitch(nx);
             work.fit(nx, ny, false);
-            cell.weighted_halves(x, work);
+            cell.weighted_halves::<FUSED>(x, work);
             let Workspace { data, scratch, sum, halves: [upper, lower, seen], .. } = &mut *work;
             for group in 0..frequency_groups(ny) {
                 for a in 0..along_y.functions.len() {
@@ -248,8 +248,14 @@ impl Kernel for Forward<'_> {
             }
             let reach = cell.reach();
             for column in (0..reach.width).step_by(2 * LANES) {
-                let both =
-                    inverse(cell.fy, (seen, column), (seen, column + LANES), pitch, data, scratch);
+                let both = inverse::<FUSED>(
+                    cell.fy,
+                    (seen, column),
+                    (seen, column + LANES),
+                    pitch,
+                    data,
+                    scratch,
+                );
                 let left = (along_x.start + column) as isize - r as isize;
                 for (y, light) in both[..reach.height].iter().enumerate() {
                     let rows =
@@ -293,7 +299,7 @@ impl Kernel for Adjoint<'_> {
             let (nx, ny) = (cell.fx.length(), cell.fy.length());
             let (pitch, width) = (pitch(nx), along_x.length);
             work.fit(nx, ny, false);
-            cell.reached_half(y, work);
+            cell.reached_half::<FUSED>(y, work);
             let Workspace { data, scratch, sum, halves: [upper, lower, seen], .. } = &mut *work;
             for group in 0..frequency_groups(ny) {
                 data[..nx].copy_from_slice(&seen[group * pitch..][..nx]);
@@ -335,7 +341,14 @@ impl Kernel for Adjoint<'_> {
                 lower.fill(ComplexLanes::default());
             }
             for column in (0..width).step_by(LANES) {
-                let both = inverse(cell.fy, (upper, column), (lower, column), pitch, data, scratch);
+                let both = inverse::<FUSED>(
+                    cell.fy,
+                    (upper, column),
+                    (lower, column),
+                    pitch,
+                    data,
+                    scratch,
+                );
                 let columns = LANES.min(width - column);
                 for (i, (light, &v)) in both.iter().zip(cell.v).enumerate() {
                     let values = light.im.times_plus::<FUSED>(Lanes::all(v), light.re * (1.0 - v));

@@ -193,15 +193,3 @@ impl Mul<f32> for ComplexLanes {
         ComplexLanes { re: self.re * factor, im: self.im * factor }
     }
 }
-
-/// The transpose of an 8×8 matrix.
-#[inline(always)]
-pub(super) fn transposed(rows: &[Lanes; LANES]) -> [Lanes; LANES] {
-    let mut columns = [Lanes::default(); LANES];
-    for (i, row) in rows.iter().enumerate() {
-        for (j, column) in columns.iter_mut().enumerate() {
-            column.0[i] = row.0[j];
-        }
-    }
-    columns
-}

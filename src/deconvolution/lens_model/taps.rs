@@ -56,8 +56,8 @@ impl Kernel for Transform<'_> {
                 value.im = lanes_at(row, (column + LANES) as isize) * scale;
             }
             let (found, _) = fy.run::<false>(&mut work.data, &mut work.scratch);
-            store(found, ny, Part::Real, half, pitch, column);
-            store(found, ny, Part::Imaginary, half, pitch, column + LANES);
+            store::<FUSED>(found, ny, Part::Real, half, pitch, column);
+            store::<FUSED>(found, ny, Part::Imaginary, half, pitch, column + LANES);
         }
         for (group, out) in spectrum.chunks_exact_mut(nx).enumerate() {
             work.data[..nx].fill(ComplexLanes::default());
@@ -88,8 +88,8 @@ impl Kernel for Correlate<'_> {
             let (nx, ny) = (cell.fx.length(), cell.fy.length());
             let pitch = pitch(nx);
             work.fit(nx, ny, true);
-            cell.weighted_halves(x, work);
-            cell.reached_half(residual, work);
+            cell.weighted_halves::<FUSED>(x, work);
+            cell.reached_half::<FUSED>(residual, work);
             let Workspace { data, scratch, sum, halves: [upper, lower, seen], corners } =
                 &mut *work;
             for group in 0..frequency_groups(ny) {
@@ -117,7 +117,8 @@ impl Kernel for Correlate<'_> {
                 let half = &corners[corner];
                 for column in (0..k).step_by(2 * LANES) {
                     let columns = [(&half[..], column), (&half[..], column + LANES)];
-                    let both = inverse(cell.fy, columns[0], columns[1], pitch, data, scratch);
+                    let both =
+                        inverse::<FUSED>(cell.fy, columns[0], columns[1], pitch, data, scratch);
                     for (found, row) in
                         both.iter().zip(taps[place..place + k * k].chunks_exact_mut(k))
                     {
