@@ -6,6 +6,9 @@ use super::transform::SIDE;
 use crate::frame::instructions::{Kernel, multiply_add, run_fastest};
 use crate::frame::{Plane, Size};
 
+/// Blocks that the filter takes in a group.
+const GROUP_MAX: usize = 16;
+
 /// Rows of reference blocks per task, for any number of threads.
 pub(super) const ROWS_A_TASK: usize = 8;
 
@@ -16,7 +19,7 @@ pub struct Search {
     pub step_px: usize,
     /// Maximum distance of a block from its reference along x and y, pixels.
     pub reach_px: usize,
-    /// Maximum size of a group, the reference included; rounded down to a power of two.
+    /// Maximum size of a group, the reference included; at most 16, rounded down to a power of two.
     pub group_max: usize,
     /// Maximum mean square difference of a block from its reference, grey levels².
     pub difference_max: f32,
@@ -118,6 +121,9 @@ pub(super) fn grid(length: usize, step: usize, offset: usize) -> Vec<usize> {
     places
 }
 
+/// Blocks compared at a time, one beside the other.
+const AT_A_TIME: usize = 8;
+
 struct SearchTask<'a> {
     picture: &'a Plane,
     search: Search,
@@ -131,8 +137,8 @@ impl Kernel for SearchTask<'_> {
     fn run<const FUSED: bool>(self) {
         let SearchTask { picture, search, rows, across, task } = self;
         let area = (SIDE * SIDE) as f32;
-        let group_max = floor_power_of_two(search.group_max);
-        let mut found: Vec<(f32, (u32, u32))> = Vec::with_capacity(group_max + 1);
+        let group_max = floor_power_of_two(search.group_max.min(GROUP_MAX));
+        let mut found: Vec<SimilarBlock> = Vec::with_capacity(group_max + 1);
         for &y in rows {
             for &x in across {
                 let reference = block(picture, x, y);
@@ -140,23 +146,30 @@ impl Kernel for SearchTask<'_> {
                 found.push((-1.0, (x as u32, y as u32)));
                 let mut worst = search.difference_max * area;
                 let near = |at: usize, length: usize| {
-                    at.saturating_sub(search.reach_px)..=(at + search.reach_px).min(length - SIDE)
+                    at.saturating_sub(search.reach_px)
+                        ..(at + search.reach_px).min(length - SIDE) + 1
                 };
+                let columns = near(x, picture.width());
                 for v in near(y, picture.height()) {
-                    for u in near(x, picture.width()) {
-                        let difference = difference::<FUSED>(&reference, picture, u, v);
-                        if difference > worst || (u, v) == (x, y) || group_max == 1 {
-                            continue;
+                    let mut u = columns.start;
+                    while u < columns.end {
+                        let mut compared = [f32::INFINITY; AT_A_TIME];
+                        let is_row = u + AT_A_TIME <= columns.end;
+                        if is_row {
+                            compared = differences::<FUSED>(&reference, picture, u, v);
+                        } else {
+                            compared[0] = difference::<FUSED>(&reference, picture, u, v);
                         }
-                        // Of equally similar blocks the first in raster order comes first.
-                        let place = found.partition_point(|&(other, _)| other <= difference);
-                        if place < group_max {
-                            found.truncate(group_max - 1);
-                            found.insert(place, (difference, (u as u32, v as u32)));
-                            if found.len() == group_max {
-                                worst = found[group_max - 1].0;
+                        if is_any_within(&compared, worst) {
+                            for (place, difference) in (u..).zip(compared) {
+                                if difference <= worst && (place, v) != (x, y) {
+                                    let place = (place as u32, v as u32);
+                                    worst =
+                                        insert(&mut found, group_max, (difference, place), worst);
+                                }
                             }
                         }
+                        u += if is_row { AT_A_TIME } else { 1 };
                     }
                 }
                 let members = floor_power_of_two(found.len());
@@ -177,6 +190,66 @@ fn block(picture: &Plane, x: usize, y: usize) -> [[f32; SIDE]; SIDE] {
         let from = &picture.row(y + row)[x..][..SIDE];
         std::array::from_fn(|column| from[column])
     })
+}
+
+/// A block's difference from the reference, and its place.
+type SimilarBlock = (f32, (u32, u32));
+
+/// Inserts `block` into `found`, in order and behind its equals, unless `most` are as similar.
+/// Returns the largest difference that the next block may have, `worst` while there are fewer.
+#[inline(always)]
+fn insert(found: &mut Vec<SimilarBlock>, most: usize, block: SimilarBlock, worst: f32) -> f32 {
+    if found.len() == most {
+        if found[most - 1].0 <= block.0 {
+            return worst;
+        }
+        found.pop();
+    }
+    let mut place = found.len();
+    found.push(block);
+    // Moved one by one: a few elements are not worth a call to memmove.
+    while place > 0 && found[place - 1].0 > block.0 {
+        found[place] = found[place - 1];
+        place -= 1;
+    }
+    found[place] = block;
+    if found.len() == most { found[most - 1].0 } else { worst }
+}
+
+/// Whether one of `values` is at most `most`.
+#[inline(always)]
+fn is_any_within(values: &[f32; AT_A_TIME], most: f32) -> bool {
+    let mut is_any = false;
+    for value in values {
+        is_any |= *value <= most;
+    }
+    is_any
+}
+
+/// [`difference`] of the eight blocks from (`x`, `y`) on, a block in each lane; the same sums in
+/// the same order.
+#[inline(always)]
+fn differences<const FUSED: bool>(
+    reference: &[[f32; SIDE]; SIDE],
+    picture: &Plane,
+    x: usize,
+    y: usize,
+) -> [f32; AT_A_TIME] {
+    const SEEN: usize = SIDE + AT_A_TIME - 1;
+    let mut sums = [[0.0f32; AT_A_TIME]; SIDE];
+    let width = picture.width();
+    let from = &picture.data()[y * width + x..][..(SIDE - 1) * width + SEEN];
+    for (row, wanted) in reference.iter().enumerate() {
+        let found = &from[row * width..][..SEEN];
+        for column in 0..SIDE {
+            for lane in 0..AT_A_TIME {
+                let apart = wanted[column] - found[column + lane];
+                sums[column][lane] = multiply_add::<FUSED>(apart, apart, sums[column][lane]);
+            }
+        }
+    }
+    let [a, b, c, d, e, f, g, h] = sums;
+    std::array::from_fn(|n| ((a[n] + e[n]) + (c[n] + g[n])) + ((b[n] + f[n]) + (d[n] + h[n])))
 }
 
 /// Sum of squared differences between `reference` and the block at (`x`, `y`).
