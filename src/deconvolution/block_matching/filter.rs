@@ -78,8 +78,13 @@ impl Kernel for Filter<'_> {
             let (variances, factor) = noise.at(x as usize, y as usize, noisy.size());
             analyse::<FUSED>(noisy, members, cosines, &mut blocks);
             analyse::<FUSED>(guide, members, cosines, &mut signals);
-            let remaining = shrink(&mut blocks, &signals, variances, factor);
-            haar_inverse(&mut blocks);
+            let remaining = match members.len() {
+                1 => shrink::<1>(&mut blocks, &signals, variances, factor),
+                2 => shrink::<2>(&mut blocks, &signals, variances, factor),
+                4 => shrink::<4>(&mut blocks, &signals, variances, factor),
+                8 => shrink::<8>(&mut blocks, &signals, variances, factor),
+                _ => shrink::<16>(&mut blocks, &signals, variances, factor),
+            };
             let weight = 1.0 / remaining.max(LEAST);
             for (block, &place) in blocks.iter_mut().zip(members) {
                 cosines.synthesise::<FUSED>(block);
@@ -92,7 +97,7 @@ impl Kernel for Filter<'_> {
 /// Minimum remaining noise power of a group, grey levels²: bounds the weight of an empty group.
 pub(super) const LEAST: f32 = 1e-6;
 
-/// Computes the coefficients of the group of `members` into `blocks`.
+/// Computes the cosine transforms of `members` into `blocks`.
 #[inline(always)]
 fn analyse<const FUSED: bool>(
     picture: &Plane,
@@ -111,21 +116,46 @@ fn analyse<const FUSED: bool>(
         cosines.analyse::<FUSED>(&mut block);
         blocks.push(block);
     }
-    haar(blocks);
 }
 
-/// Shrinks `blocks` by Wiener's rule with the power of `signals`, and returns the remaining noise
-/// power.
+/// Shrinks a group of `N` `blocks` by Wiener's rule with the power of `signals`, both transformed
+/// block by block, and returns the remaining noise power.
+///
+/// Eight coefficients of all blocks at a time go through the Haar transforms and the rule.
 #[inline(always)]
-fn shrink(blocks: &mut [Block], signals: &[Block], variances: &Block, factor: f32) -> f32 {
-    let mut remaining = [0.0f32; AREA];
-    for (block, signals) in blocks.iter_mut().zip(signals) {
-        let coefficients = block.iter_mut().zip(signals).zip(variances).zip(&mut remaining);
-        for (((value, signal), variance), remaining) in coefficients {
-            let power = signal * signal;
-            let share = power / (power + factor * variance).max(f32::MIN_POSITIVE);
-            *value *= share;
-            *remaining += share * share * variance;
+fn shrink<const N: usize>(
+    blocks: &mut [Block],
+    signals: &[Block],
+    variances: &Block,
+    factor: f32,
+) -> f32 {
+    let (blocks, signals) = (&mut blocks[..N], &signals[..N]);
+    let mut remaining = [0.0f32; SIDE];
+    for (row, variances) in variances.as_chunks::<SIDE>().0.iter().enumerate() {
+        let at = row * SIDE..(row + 1) * SIDE;
+        let (mut values, mut powers) = ([[0.0f32; SIDE]; N], [[0.0f32; SIDE]; N]);
+        for n in 0..N {
+            values[n].copy_from_slice(&blocks[n][at.clone()]);
+            powers[n].copy_from_slice(&signals[n][at.clone()]);
+        }
+        haar(&mut values);
+        haar(&mut powers);
+        for n in 0..N {
+            let mut shares = [0.0f32; SIDE];
+            for i in 0..SIDE {
+                let power = powers[n][i] * powers[n][i];
+                shares[i] = power / (power + factor * variances[i]).max(f32::MIN_POSITIVE);
+            }
+            for (value, share) in values[n].iter_mut().zip(&shares) {
+                *value *= share;
+            }
+            for i in 0..SIDE {
+                remaining[i] += shares[i] * shares[i] * variances[i];
+            }
+        }
+        haar_inverse(&mut values);
+        for n in 0..N {
+            blocks[n][at.clone()].copy_from_slice(&values[n]);
         }
     }
     factor * remaining.iter().sum::<f32>()

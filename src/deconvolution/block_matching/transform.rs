@@ -101,9 +101,9 @@ fn turn<const FUSED: bool>(block: &mut Block) {
     block.as_chunks_mut().0.copy_from_slice(&transposed::<FUSED>(rows));
 }
 
-/// The Haar transform along a group of 2ⁿ blocks, in place, the mean in the first block.
+/// The Haar transform along a group of 2ⁿ parts of blocks, in place, the mean in the first one.
 #[inline(always)]
-pub(super) fn haar(group: &mut [Block]) {
+pub(super) fn haar<const N: usize>(group: &mut [[f32; N]]) {
     let mut apart = 1;
     while apart < group.len() {
         pairs(group, apart);
@@ -113,7 +113,7 @@ pub(super) fn haar(group: &mut [Block]) {
 
 /// The inverse of [`haar`].
 #[inline(always)]
-pub(super) fn haar_inverse(group: &mut [Block]) {
+pub(super) fn haar_inverse<const N: usize>(group: &mut [[f32; N]]) {
     let mut apart = group.len() / 2;
     while apart > 0 {
         pairs(group, apart);
@@ -121,17 +121,22 @@ pub(super) fn haar_inverse(group: &mut [Block]) {
     }
 }
 
-/// (a, b) → ((a + b)/√2, (a − b)/√2) for blocks `apart`; its own inverse.
+/// (a, b) → ((a + b)/√2, (a − b)/√2) for parts `apart`; its own inverse.
 #[inline(always)]
-fn pairs(group: &mut [Block], apart: usize) {
-    for pair in group.chunks_exact_mut(2 * apart) {
-        let (left, right) = pair.split_at_mut(apart);
-        for (a, b) in left[0].iter_mut().zip(&mut right[0]) {
-            (*a, *b) = (
-                (*a + *b) * std::f32::consts::FRAC_1_SQRT_2,
-                (*a - *b) * std::f32::consts::FRAC_1_SQRT_2,
-            );
+fn pairs<const N: usize>(group: &mut [[f32; N]], apart: usize) {
+    let mut first = 0;
+    while first + apart < group.len() {
+        let (a, b) = (group[first], group[first + apart]);
+        // One vector after the other, or the compiler mixes them up.
+        let (mut sum, mut difference) = ([0.0; N], [0.0; N]);
+        for i in 0..N {
+            sum[i] = (a[i] + b[i]) * std::f32::consts::FRAC_1_SQRT_2;
         }
+        for i in 0..N {
+            difference[i] = (a[i] - b[i]) * std::f32::consts::FRAC_1_SQRT_2;
+        }
+        (group[first], group[first + apart]) = (sum, difference);
+        first += 2 * apart;
     }
 }
 
