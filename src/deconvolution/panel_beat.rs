@@ -124,33 +124,51 @@ impl PanelBeat {
 
     /// Removes the beat from `light`, a channel in which panel columns make `wave`.
     pub fn remove(&self, light: &mut Plane, wave: &ColumnWave) {
+        let BeatParts { photo, columns, rows } = self.parts;
+        let across = |x: usize| place(x, photo.x, photo.size.width, columns);
+        let across: Vec<(usize, f32)> = (0..light.width()).map(across).collect();
         let width = light.width();
         light.data_mut().par_chunks_mut(width).enumerate().for_each(|(y, row)| {
-            for (x, value) in row.iter_mut().enumerate() {
-                let ([a, b], [cosine, sine]) = (self.at(x, y), wave.at(x, y));
-                *value /= 1.0 + a * cosine + b * sine;
+            let (j, along) = place(y, photo.y, photo.size.height, rows);
+            let (mut rest, mut x) = (row, 0);
+            // Runs of columns between the same parts.
+            for run in across.chunk_by(|a, b| a.0 == b.0) {
+                let (here, more) = std::mem::take(&mut rest).split_at_mut(run.len());
+                let corners = [j, j + 1].map(|j| [0, 1].map(|i| self.share(run[0].0 + i, j)));
+                let waves = wave.cosine.row(y)[x..].iter().zip(&wave.sine.row(y)[x..]);
+                for ((value, (_, across)), (cosine, sine)) in here.iter_mut().zip(run).zip(waves) {
+                    let [a, b] = interpolated(&corners, *across, along);
+                    *value /= 1.0 + a * cosine + b * sine;
+                }
+                (rest, x) = (more, x + run.len());
             }
         });
     }
 
-    /// [a, b] at a pixel, interpolated between the parts' centres.
-    fn at(&self, x: usize, y: usize) -> [f32; 2] {
-        let BeatParts { photo, columns, rows } = self.parts;
-        let place = |at: usize, first: usize, length: usize, parts: usize| {
-            let place = (at as f32 + 0.5 - first as f32) / length as f32 * parts as f32 - 0.5;
-            let place = place.clamp(0.0, parts as f32 - 1.0);
-            let before = (place as usize).min(parts - 2);
-            (before, place - before as f32)
-        };
-        let (i, across) = place(x, photo.x, photo.size.width, columns);
-        let (j, along) = place(y, photo.y, photo.size.height, rows);
-        [0, 1].map(|n| {
-            let at = |i: usize, j: usize| self.shares[j * columns + i][n] as f32;
-            let upper = at(i, j) * (1.0 - across) + at(i + 1, j) * across;
-            let lower = at(i, j + 1) * (1.0 - across) + at(i + 1, j + 1) * across;
-            upper * (1.0 - along) + lower * along
-        })
+    /// [a, b] of a part.
+    fn share(&self, column: usize, row: usize) -> [f32; 2] {
+        self.shares[row * self.parts.columns + column].map(|share| share as f32)
     }
+}
+
+/// The part whose centre precedes pixel `at`, of `parts` over `length` pixels from `first`, and the
+/// way from there to the next centre, 0 to 1.
+fn place(at: usize, first: usize, length: usize, parts: usize) -> (usize, f32) {
+    let place = (at as f32 + 0.5 - first as f32) / length as f32 * parts as f32 - 0.5;
+    let place = place.clamp(0.0, parts as f32 - 1.0);
+    let before = (place as usize).min(parts - 2);
+    (before, place - before as f32)
+}
+
+/// [a, b] between four parts, `[row][column]`.
+#[inline(always)]
+fn interpolated(corners: &[[[f32; 2]; 2]; 2], across: f32, along: f32) -> [f32; 2] {
+    let [upper, lower] = corners;
+    [0, 1].map(|n| {
+        let upper = upper[0][n] * (1.0 - across) + upper[1][n] * across;
+        let lower = lower[0][n] * (1.0 - across) + lower[1][n] * across;
+        upper * (1.0 - along) + lower * along
+    })
 }
 
 impl BeatParts {
