@@ -22,52 +22,54 @@ pub(super) fn blur(plane: &Plane, sigma: f32) -> Plane {
     if sigma < 0.2 {
         return plane.clone();
     }
-    let size = plane.size();
     let reach = (3.0 * sigma).ceil() as usize;
     let weights = (0..=2 * reach).map(|at| {
         let from = at as f32 - reach as f32;
         (-from * from / (2.0 * sigma * sigma)).exp()
     });
-    let weights: Vec<f32> = weights.collect();
+    let mut weights: Vec<f32> = weights.collect();
     let total: f32 = weights.iter().sum();
+    weights.iter_mut().for_each(|weight| *weight /= total);
+    along_both(plane, &weights, 1.0)
+}
+
+/// The sums of `plane` along rows and then columns, weighted by `weights`, whose middle one is a
+/// pixel's own, each over `divisor`; edge pixels repeat outside.
+fn along_both(plane: &Plane, weights: &[f32], divisor: f32) -> Plane {
+    let (size, reach) = (plane.size(), weights.len() / 2);
     let near = |at: usize, tap: usize, end: usize| (at + tap).saturating_sub(reach).min(end - 1);
     let mut across = Plane::zeros(size);
     let mut padded = vec![0.0; size.width + 2 * reach];
     for y in 0..size.height {
         let row = plane.row(y);
         padded.iter_mut().enumerate().for_each(|(x, v)| *v = row[near(x, 0, size.width)]);
-        add_weighted(across.row_mut(y), &weights, total, |tap| &padded[tap..][..size.width]);
+        add_weighted(across.row_mut(y), weights, divisor, |tap| &padded[tap..][..size.width]);
     }
-    let mut both = Plane::zeros(Size::new(size.width, size.height));
+    let mut both = Plane::zeros(size);
     for y in 0..size.height {
         let row_at = |tap: usize| across.row(near(y, tap, size.height));
-        add_weighted(both.row_mut(y), &weights, total, row_at);
+        add_weighted(both.row_mut(y), weights, divisor, row_at);
     }
     both
 }
 
-/// `out` += Σ `weights` · rows / `total`.
+/// `out` = Σ `weights` · rows / `divisor`, with zeros in `out`.
 fn add_weighted<'a>(
     out: &mut [f32],
     weights: &[f32],
-    total: f32,
+    divisor: f32,
     row: impl Fn(usize) -> &'a [f32],
 ) {
     for (tap, weight) in weights.iter().enumerate() {
-        let weight = weight / total;
         out.iter_mut().zip(row(tap)).for_each(|(sum, v)| *sum += weight * v);
     }
+    out.iter_mut().for_each(|sum| *sum /= divisor);
 }
 
 /// Means over `reach` pixels to each side, edges repeated.
 pub fn mean_around(plane: &Plane, reach: usize) -> Plane {
-    let (width, height) = (plane.width(), plane.height());
-    let mean = |at: usize, length: usize, of: &dyn Fn(usize) -> f32| {
-        let places = (0..=2 * reach).map(|n| (at + n).saturating_sub(reach).min(length - 1));
-        places.map(of).sum::<f32>() / (2 * reach + 1) as f32
-    };
-    let rows = Plane::from_fn(plane.size(), |x, y| mean(x, width, &|x| plane.at(x, y)));
-    Plane::from_fn(plane.size(), |x, y| mean(y, height, &|y| rows.at(x, y)))
+    let side = 2 * reach + 1;
+    along_both(plane, &vec![1.0; side], side as f32)
 }
 
 /// Replaces the pixels of `plane` that are set in `mask`, which lies at `rect`, by a smooth
