@@ -18,7 +18,7 @@ use rayon::prelude::*;
 
 use super::data_term::{MISSING, TRUSTED};
 use super::forward_convolution::Seen;
-use crate::frame::resample::warp;
+use crate::frame::resample::translate;
 use crate::frame::{Channel, Frame, Plane, Rect, Size, Work};
 
 /// Parts of the photo along its width and height.
@@ -162,12 +162,10 @@ impl Registration {
 
     fn apply_to_plane(&self, plane: &Plane) -> Plane {
         let ((x, y), gain) = (self.shift_px, self.gain as f32);
-        let mut out = plane.clone();
-        if (x, y) != (0.0, 0.0) {
-            let map_x = Plane::from_fn(plane.size(), |u, _| (u as f64 - x) as f32);
-            let map_y = Plane::from_fn(plane.size(), |_, v| (v as f64 - y) as f32);
-            warp(plane, &map_x, &map_y, &mut out);
-        }
+        let mut out = match (x, y) {
+            (0.0, 0.0) => plane.clone(),
+            (x, y) => translate(plane, x as f32, y as f32),
+        };
         out.scale(gain);
         out
     }

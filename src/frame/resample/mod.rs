@@ -1,5 +1,5 @@
-//! Bicubic resampling of a plane: at given positions ([`warp`]), and to another size
-//! (`resize`).
+//! Bicubic resampling of a plane: at given positions ([`warp`]), displaced ([`translate`]), and to
+//! another size (`resize`).
 //!
 //! The kernel is Keys' cubic convolution ("Cubic convolution interpolation for digital image
 //! processing", 1981) with a = −½, the only value with an error of third order in the pixel pitch.
@@ -62,6 +62,62 @@ fn border_taps(length: isize, place: f32) -> ([usize; 4], [f32; 4]) {
     let first = (place + 5.0) as isize - 6;
     let weights = weights::<false>(place - (first + 1) as f32);
     ([0, 1, 2, 3].map(|n| (first + n).clamp(0, length - 1) as usize), weights)
+}
+
+/// `plane` displaced by `x` pixels to the right and `y` down, its border repeated. As [`warp`] with
+/// maps of one displacement, whose weights are the same everywhere.
+pub fn translate(plane: &Plane, x: f32, y: f32) -> Plane {
+    let mut out = Plane::zeros(plane.size());
+    if plane.size().area() > 0 {
+        run_fastest(Translate { plane, x, y, out: &mut out });
+    }
+    out
+}
+
+struct Translate<'a> {
+    plane: &'a Plane,
+    x: f32,
+    y: f32,
+    out: &'a mut Plane,
+}
+
+impl Kernel for Translate<'_> {
+    #[inline(always)]
+    fn run<const FUSED: bool>(self) {
+        let Translate { plane, x, y, out } = self;
+        let (width, height) = (plane.width(), plane.height());
+        // The taps about −x and −y, as of any pixel.
+        let (left, wx) = shifted_taps(x);
+        let (top, wy) = shifted_taps(y);
+        let near = |at: isize, length: usize| at.clamp(0, length as isize - 1) as usize;
+        // Blended rows, with the three columns more that the taps reach.
+        let (mut blended, mut padded) = (vec![0.0; width], vec![0.0; width + 3]);
+        for row in 0..height {
+            let [a, b, c, d] =
+                [0, 1, 2, 3].map(|n| &plane.row(near(row as isize + top + n, height))[..width]);
+            for i in 0..width {
+                let upper = multiply_add::<FUSED>(wy[0], a[i], wy[1] * b[i]);
+                let lower = multiply_add::<FUSED>(wy[2], c[i], wy[3] * d[i]);
+                blended[i] = upper + lower;
+            }
+            for (i, value) in padded.iter_mut().enumerate() {
+                *value = blended[near(i as isize + left, width)];
+            }
+            let taps = [0, 1, 2, 3].map(|n| &padded[n..][..width]);
+            let to = &mut out.row_mut(row)[..width];
+            for i in 0..width {
+                to[i] = (wx[0] * taps[0][i] + wx[2] * taps[2][i])
+                    + (wx[1] * taps[1][i] + wx[3] * taps[3][i]);
+            }
+        }
+    }
+}
+
+/// The first of the four taps of a plane displaced by `shift`, relative to the pixel, and their
+/// weights.
+fn shifted_taps(shift: f32) -> (isize, [f32; 4]) {
+    let whole = (-shift).floor();
+    (whole as isize - 1, weights::<false>(-shift - whole))
 }
 
 /// Sets `out`(i, j) to the value of `source`, whose border repeats outside, at column

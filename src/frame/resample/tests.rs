@@ -50,6 +50,22 @@ fn keys_parameter_is_more_accurate_on_smooth_pictures() {
 }
 
 #[test]
+fn a_displaced_plane_is_sampled_at_displaced_places() {
+    let plane = smooth_plane(Size::new(23, 17), 6.0);
+    for (x, y) in [(0.3, -0.4), (-1.75, 2.0), (0.0, 0.25), (30.0, -40.5)] {
+        let found = translate(&plane, x, y);
+        for v in 0..17 {
+            for u in 0..23 {
+                let wanted = sample(&plane, u as f32 - x, v as f32 - y);
+                let off = (found.at(u, v) - wanted).abs();
+                assert!(off < 1e-3, "({x}, {y}) at ({u}, {v}): {off}");
+            }
+        }
+    }
+    assert_eq!(translate(&Plane::default(), 0.5, 0.5), Plane::default());
+}
+
+#[test]
 fn integer_positions_and_quadratic_planes_are_exact() {
     let plane = Plane::from_fn(Size::new(20, 15), |x, y| {
         let (x, y) = (x as f32, y as f32);
