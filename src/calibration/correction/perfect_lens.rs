@@ -77,36 +77,60 @@ impl Correction {
     }
 }
 
-/// Mean of `panel` over a rectangle around `centre` with half sides `half`; pixel centres are
-/// integers, and border pixels repeat.
+/// Mean of `panel` over a rectangle around `centre` with half sides `half`, at most 16; pixel
+/// centres are integers, and border pixels repeat.
 fn footprint(panel: &Plane, centre: [f32; 2], half: [f32; 2]) -> f32 {
-    let (columns, across) = covered(centre[0], half[0]);
-    let (rows, down) = covered(centre[1], half[1]);
+    let (columns, rows) = (Covered::of(centre[0], half[0]), Covered::of(centre[1], half[1]));
     let last = |side: usize| side as isize - 1;
     let inside = |at: isize, side: usize| at.clamp(0, last(side)) as usize;
+    let (mut pixels, mut shares) = ([0; MOST], [0.0; MOST]);
+    let count = (columns.last - columns.first + 1) as usize;
+    for (n, column) in (columns.first..=columns.last).enumerate() {
+        pixels[n] = inside(column, panel.width());
+        shares[n] = columns.length_in(column);
+    }
     let mut sum = 0.0;
-    for row in rows.0..=rows.1 {
+    for row in rows.first..=rows.last {
         let line = panel.row(inside(row, panel.height()));
         let mut along = 0.0;
-        for column in columns.0..=columns.1 {
-            along += across(column) * line[inside(column, panel.width())];
+        for (&pixel, share) in pixels[..count].iter().zip(&shares) {
+            along += share * line[pixel];
         }
-        sum += down(row) * along;
+        sum += rows.length_in(row) * along;
     }
-    sum
+    sum / (columns.length() * rows.length())
 }
 
-/// First and last pixel of an interval around `centre`, and the share of it in each pixel.
-fn covered(centre: f32, half: f32) -> ((isize, isize), impl Fn(isize) -> f32) {
-    // Relative to pixel borders, half way between centres.
-    let (from, to) = (centre - half + 0.5, centre + half + 0.5);
-    let share = move |n: isize| {
+/// Most pixels under a footprint along one axis.
+const MOST: usize = 34;
+
+/// An interval of pixels, from their borders on, which are integers.
+struct Covered {
+    from: f32,
+    to: f32,
+    /// The first and the last pixel in it.
+    first: isize,
+    last: isize,
+}
+
+impl Covered {
+    /// `half` a length around the place `centre`, relative to pixel centres.
+    fn of(centre: f32, half: f32) -> Covered {
+        let (from, to) = (centre - half + 0.5, centre + half + 0.5);
+        // The ceiling of the end is one more than the last pixel's number.
+        let (first, last) = (floor(from), -floor(-to) - 1);
+        Covered { from, to, first, last: last.max(first) }
+    }
+
+    fn length(&self) -> f32 {
+        self.to - self.from
+    }
+
+    /// The length of the interval within pixel `n`.
+    fn length_in(&self, n: isize) -> f32 {
         let n = n as f32;
-        (to.min(n + 1.0) - from.max(n)).max(0.0) / (to - from)
-    };
-    // The ceiling of the end is one more than the last pixel's number.
-    let (first, last) = (floor(from), -floor(-to) - 1);
-    ((first, last.max(first)), share)
+        (self.to.min(n + 1.0) - self.from.max(n)).max(0.0)
+    }
 }
 
 /// The largest integer up to `v`; `f32::floor` is a call to the library on default x86-64.
