@@ -261,9 +261,12 @@ impl JpegTerm {
             let (wide, high) = (across / pixels.0, down / pixels.1);
             let mut samples = [0.0f32; UNIT_AREA];
             let share = 1.0 / (pixels.0 * pixels.1) as f32;
-            for at in 0..across * down {
-                let (x, y) = (at % across / pixels.0, at / across / pixels.1);
-                samples[y * wide + x] += share * self.component_of(n, codes, at);
+            let of_pixels = self.component(n, codes);
+            for (y, from) in of_pixels.chunks_exact(across).take(down).enumerate() {
+                let to = &mut samples[y / pixels.1 * wide..][..wide];
+                for (to, from) in to.iter_mut().zip(from.chunks_exact(pixels.0)) {
+                    from.iter().for_each(|v| *to += share * v);
+                }
             }
             for part in 0..wide * high / BLOCK_AREA {
                 let (u, v) = (part % (wide / BLOCK_PX), part / (wide / BLOCK_PX));
@@ -291,24 +294,26 @@ impl JpegTerm {
                 n => FROM_CHROMA.map(|row| row[n - 1]),
             };
             for (change, weight) in change.iter_mut().zip(weights) {
-                for (at, change) in change[..across * down].iter_mut().enumerate() {
-                    let (x, y) = (at % across / pixels.0, at / across / pixels.1);
-                    *change += weight * samples[y * wide + x];
+                for (y, to) in change.chunks_exact_mut(across).take(down).enumerate() {
+                    let from = &samples[y / pixels.1 * wide..][..wide];
+                    for (to, from) in to.chunks_exact_mut(pixels.0).zip(from) {
+                        to.iter_mut().for_each(|to| *to += weight * from);
+                    }
                 }
             }
         }
         change
     }
 
-    /// Component `n` of the pixel `at`; of a grey photo its code.
-    #[inline(always)]
-    fn component_of(&self, n: usize, codes: &[[f32; UNIT_AREA]; 3], at: usize) -> f32 {
+    /// Component `n` of each pixel of a unit; of a grey photo its codes.
+    fn component(&self, n: usize, codes: &[[f32; UNIT_AREA]; 3]) -> [f32; UNIT_AREA] {
         let middle = if n == 0 { MIDDLE } else { 0.0 };
+        let [red, green, blue] = codes;
         match self.channels().len() {
-            1 => codes[0][at] - middle,
+            1 => red.map(|code| code - middle),
             _ => {
                 let [r, g, b] = TO_LUMA[n];
-                r * codes[0][at] + g * codes[1][at] + b * codes[2][at] - middle
+                std::array::from_fn(|at| r * red[at] + g * green[at] + b * blue[at] - middle)
             }
         }
     }
