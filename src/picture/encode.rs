@@ -85,8 +85,6 @@ fn encoded(
     grey: bool,
     quality: u8,
 ) -> image::ImageResult<Vec<u8>> {
-    let developed = manner.colours.as_ref().map(|colours| colours.developed(picture));
-    let picture = developed.as_ref().unwrap_or(picture);
     // The TIFF encoder has no grey with alpha, and JPEG neither alpha nor 16 bits.
     let colour = match (manner.format, manner.colour) {
         (Format::Tiff, ColorType::La8) => ColorType::Rgba8,
@@ -96,31 +94,39 @@ fn encoded(
         (_, colour) => colour,
     };
     let grey = grey || !manner.colour.has_color();
-    let source = |channel: Channel| picture.plane(if grey { Channel::Green } else { channel });
-    let colours: &[Channel] = if colour.has_color() { &Channel::ALL } else { &[Channel::Green] };
-    let mut planes: Vec<Vec<u16>> = colours
-        .iter()
-        .map(|&c| manner.tone.codes(c.index(), &turn(source(c), manner.orientation)))
-        .collect();
-    let deep = bits_of(manner.colour) > 8;
-    if colour.has_alpha() {
+    // One plane after the other: those of a large photo together need much memory.
+    let codes = |channel: Channel| {
+        let source = if grey { Channel::Green } else { channel };
+        let developed = manner.colours.as_ref().map(|of| of.developed_plane(picture, source));
+        let plane = developed.as_ref().unwrap_or(picture.plane(source));
+        manner.tone.codes(channel.index(), &turn(plane, manner.orientation))
+    };
+    let (deep, narrow) = (bits_of(manner.colour) > 8, bits_of(colour) == 8);
+    let alpha = || {
         let opaque = Plane::filled(picture.size(), 1.0);
         let alpha = turn(manner.alpha.as_ref().unwrap_or(&opaque), manner.orientation);
         let top = if deep { 65535.0 } else { 255.0 };
-        planes.push(alpha.data().iter().map(|a| (a.clamp(0.0, 1.0) * top + 0.5) as u16).collect());
-    }
+        alpha.data().iter().map(|a| (a.clamp(0.0, 1.0) * top + 0.5) as u16).collect()
+    };
     let size = turned_size(picture.size(), manner.orientation);
-    let mut raw = Vec::with_capacity(size.area() * usize::from(colour.bytes_per_pixel()));
-    for i in 0..size.area() {
-        for plane in &planes {
-            match (deep, bits_of(colour) > 8) {
-                (true, true) => raw.extend_from_slice(&plane[i].to_ne_bytes()),
-                (true, false) => raw.push(((u32::from(plane[i]) + 128) / 257) as u8),
-                (false, _) => raw.push(plane[i] as u8),
+    let (pixel, sample) = (usize::from(colour.bytes_per_pixel()), if narrow { 1 } else { 2 });
+    let mut raw = vec![0; size.area() * pixel];
+    let mut put = |n: usize, codes: Vec<u16>| {
+        for (pixel, code) in raw.chunks_exact_mut(pixel).zip(codes) {
+            let place = &mut pixel[n * sample..][..sample];
+            match (deep, narrow) {
+                (true, true) => place[0] = ((u32::from(code) + 128) / 257) as u8,
+                (false, _) => place[0] = code as u8,
+                (true, false) => place.copy_from_slice(&code.to_ne_bytes()),
             }
         }
+    };
+    let colours: &[Channel] = if colour.has_color() { &Channel::ALL } else { &[Channel::Green] };
+    colours.iter().enumerate().for_each(|(n, &c)| put(n, codes(c)));
+    if colour.has_alpha() {
+        put(colours.len(), alpha());
     }
-    let mut bytes = Vec::new();
+    let mut bytes = Vec::with_capacity(raw.len());
     let out = Cursor::new(&mut bytes);
     match manner.format {
         Format::Jpeg => {

@@ -30,6 +30,8 @@ pub struct ReadOptions {
     pub larger_photos: LargerPhotos,
     /// Format of raw photos' results.
     pub raw_results: RawResults,
+    /// Whether photos are solved binned, where a JPEG's coefficients are no data.
+    pub is_binned: bool,
 }
 
 impl ReadOptions {
@@ -41,6 +43,7 @@ impl ReadOptions {
             grid: grid.into(),
             larger_photos: LargerPhotos::Shrink,
             raw_results: RawResults::Tiff,
+            is_binned: false,
         }
     }
 
@@ -49,6 +52,7 @@ impl ReadOptions {
         ReadOptions {
             larger_photos: rig.run.larger_photos,
             raw_results: rig.photo.raw_results,
+            is_binned: rig.camera.binning > 1,
             ..ReadOptions::new(rig.photo_grid(), rig.photo.curve)
         }
     }
@@ -71,6 +75,9 @@ impl ReadOptions {
                 RawResults::Tiff => Format::Tiff,
                 RawResults::Jpeg => Format::Jpeg,
             };
+        }
+        if self.is_binned {
+            photo.coding = None;
         }
         let (found, allowed) = (photo.stored, photo.light.size());
         if self.larger_photos == LargerPhotos::Refuse && found.area() > allowed.area() {

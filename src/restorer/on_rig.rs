@@ -190,7 +190,7 @@ impl Restorer for OnRig {
         if photo.raw.is_some() {
             outcome.notes.extend(provenance::camera_note(&self.config, camera));
         }
-        outcome.notes.extend(prepared.notes);
+        outcome.notes.extend_from_slice(&prepared.notes);
         if outcome.verdict != Verdict::Untouched {
             outcome.notes.extend(self.remove_vignetting(&mut outcome.picture));
             let solved = binned.as_ref().map_or(&photo.light, |binned| &binned.light);
@@ -199,8 +199,11 @@ impl Restorer for OnRig {
             let noise = prepared.observation.noise[Channel::Green.index()];
             outcome.notes.push(format!("noise of the photo: {noise:.2} grey levels"));
         }
+        let noise = prepared.observation.noise;
+        // A large result needs the memory.
+        drop(prepared);
         if let Some(binned) = &binned {
-            binned.carry(&mut outcome, photo, prepared.observation.noise);
+            binned.carry(&mut outcome, photo, noise);
         }
         Ok(outcome)
     }

@@ -63,19 +63,19 @@ impl CameraColours {
 
     /// `light` behind the filters in linear sRGB.
     pub fn developed(&self, light: &Frame<Work>) -> Frame<Work> {
-        let size = light.size();
-        let balanced = Channel::ALL.map(|c| {
-            let balance = self.balance[c.index()];
-            light.plane(c).map(|v: f32| (v * balance).min(FULL_SCALE))
-        });
-        Frame::from_fn(|to| {
-            let shares = self.matrix[to.index()];
-            let mut plane = Plane::zeros(size);
-            for (from, share) in balanced.iter().zip(shares) {
-                plane.add_scaled(share, from);
-            }
-            plane
-        })
+        Frame::from_fn(|to| self.developed_plane(light, to))
+    }
+
+    /// Channel `to` of [`CameraColours::developed`].
+    pub(in crate::picture) fn developed_plane(&self, light: &Frame<Work>, to: Channel) -> Plane {
+        let mut plane = Plane::zeros(light.size());
+        for (from, share) in Channel::ALL.into_iter().zip(self.matrix[to.index()]) {
+            let balance = self.balance[from.index()];
+            plane.update(light.plane(from), |sum, light| {
+                *sum += share * (light * balance).min(FULL_SCALE);
+            });
+        }
+        plane
     }
 }
 
