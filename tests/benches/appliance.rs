@@ -1,12 +1,15 @@
-//! Computing time and peak memory of a photo of 1024×768 in colour on the box, simulator excluded:
-//! on ideal.toml (default method) and on simulated.toml, with the lens as measured and touched
-//! since.
+//! Computing time and peak memory of photos on the box, from file to file, simulator excluded:
+//! 1024×768 in colour on ideal.toml (default method) and on simulated.toml, with the lens as
+//! measured and touched since; and larger photos of simulated.toml's lens before finer pixels,
+//! solved binned, and of a rig of 2048×1536.
 //!
-//! A first process calibrates, photographs and restores on the simulated rig and stores the frames
-//! of its camera. A second process restores the same photo from the stored frames; printed are its
-//! times and its peak resident memory (`VmHWM`).
+//! A first process calibrates, photographs and restores on the simulated rig, and stores the
+//! calibration and the frames of its camera. Another process for each photo reads its file,
+//! restores it from the stored frames and encodes the result; printed are its times and its peak
+//! resident memory (`VmHWM`).
 //!
-//! Run: `cargo bench --bench appliance`
+//! Run: `cargo bench --bench appliance`, or `cargo bench --bench appliance -- sizes` for the larger
+//! photos alone.
 
 // A failed unwrap ends the benchmark.
 #![allow(clippy::unwrap_used)]
@@ -16,39 +19,97 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 use std::time::Instant;
 
-use relens::calibration::Calibration;
+use relens::calibration::store as slots;
 use relens::chart::scenes::Scene;
-use relens::config::{self, Glare, Kind};
-use relens::frame::{Channels, Codes, Counts, Frame, Plane, Size, Work};
+use relens::config::{self, Glare, Kind, RigFile};
+use relens::frame::binning::bin;
+use relens::frame::resample::resize;
+use relens::frame::{Codes, Counts, Frame, Plane, Size, Work};
 use relens::measurement::{calibrate, to_the_end};
-use relens::picture::Tone;
-use relens::pipeline::{PhotoData, Pipeline, method};
+use relens::picture::{Dng, Format, Manner, RawTags, ReadOptions, Tone, encode};
+use relens::restorer::Restorer;
+use relens::restorer::on_rig::OnRig;
 use relens::rig::exposure::{Devices, Timing};
+use relens::rig::simulated::RawPhoto;
 use relens::rig::{Camera, Clock, Exposed, Flip, Moment, Panel, RigError, Trigger, simulated};
 
-/// Variable with the folder of stored frames, set for the second process.
+/// Variable with the folder of a [`Stand`], set for the other processes.
 const STORED: &str = "RELENS_BENCH_STORED";
-/// Variable with the name of its rig file.
+/// Variable with the name of its rig.
 const RIG: &str = "RELENS_BENCH_RIG";
+/// Variable with the number of the photo's pixels along each side of a solved one.
+const BINNING: &str = "RELENS_BENCH_BINNING";
+/// Variable with the photo's file name.
+const PHOTO: &str = "RELENS_BENCH_PHOTO";
 
-/// Rig files by name.
-const RIGS: [(&str, &str); 2] = [
-    ("ideal.toml", include_str!("../../rig-config/ideal.toml")),
-    ("simulated.toml", include_str!("../../rig-config/simulated.toml")),
-];
+const PHOTOS: [&str; 3] = ["developed.png", "developed.jpg", "raw.dng"];
+const IDEAL: &str = include_str!("../../rig-config/ideal.toml");
+const SIMULATED: &str = include_str!("../../rig-config/simulated.toml");
+/// simulated.toml with four times the pixels.
+const LARGE: &str = "simulated.toml of 2048x1536";
 
 fn main() {
-    if let Some(folder) = std::env::var_os(STORED) {
-        return restore_stored(Path::new(&folder), &std::env::var(RIG).unwrap());
+    let variable = |name| std::env::var(name).ok();
+    if let (Some(folder), Some(rig)) = (variable(STORED), variable(RIG)) {
+        let binning = variable(BINNING).unwrap().parse().unwrap();
+        return restore_stored(Path::new(&folder), &rig, binning, &variable(PHOTO).unwrap());
     }
-    for (name, _) in RIGS {
-        [false, true].into_iter().for_each(|is_touched| record(name, is_touched));
+    if !std::env::args().any(|word| word == "sizes") {
+        for name in ["ideal.toml", "simulated.toml"] {
+            for is_touched in [false, true] {
+                Stand::record(name, is_touched).restore("developed.png", 1);
+            }
+        }
+    }
+    let small = Stand::record("simulated.toml", false);
+    for binning in [1, 2, 4, 6] {
+        small.store_photos(binning);
+        PHOTOS.iter().for_each(|photo| small.restore(photo, binning));
+    }
+    let large = Stand::record(LARGE, false);
+    for binning in [1, 2, 4] {
+        large.store_photos(binning);
+        PHOTOS[1..].iter().for_each(|photo| large.restore(photo, binning));
     }
 }
 
-fn rig(name: &str) -> config::RigFile {
-    let (_, text) = RIGS.iter().find(|(of, _)| *of == name).unwrap();
-    config::parse(text, name).unwrap()
+/// The rig called `name`.
+fn rig(name: &str) -> RigFile {
+    match name {
+        "ideal.toml" => config::parse(IDEAL, name).unwrap(),
+        LARGE => {
+            let mut rig = config::parse(SIMULATED, name).unwrap();
+            let Kind::Simulated(simulation) = &mut rig.kind else { unreachable!() };
+            let (lens, photo, panel) = (&mut simulation.lens, &mut rig.photo, &mut rig.panel);
+            lens.pixel_pitch_um /= 2.0;
+            lens.support_px = (2 * lens.support_px) | 1;
+            let camera = &mut rig.camera;
+            let lengths = [
+                &mut photo.width_px,
+                &mut photo.height_px,
+                &mut panel.width_px,
+                &mut panel.height_px,
+                &mut camera.width_px,
+                &mut camera.height_px,
+                &mut camera.photo_x_px,
+                &mut camera.photo_y_px,
+                &mut rig.calibration.checker_square_px,
+                &mut rig.paper.patch_px,
+                &mut rig.paper.margin_px,
+                &mut rig.canvas.margin_px,
+            ];
+            lengths.into_iter().for_each(|px| *px *= 2);
+            rig.calibration.function_support_px = (2 * rig.calibration.function_support_px) | 1;
+            rig
+        }
+        _ => config::parse(SIMULATED, name).unwrap(),
+    }
+}
+
+/// The rig before a camera with `binning` times the pixels along each side, which are binned.
+fn before_finer_pixels(mut rig: RigFile, binning: usize) -> RigFile {
+    rig.camera.binning = binning;
+    rig
 }
 
 /// Seconds since the first call.
@@ -58,7 +119,7 @@ fn seconds() -> f64 {
 }
 
 /// The rig with a fingerprint on its lens. Share and width of the scattered light are guesses.
-fn with_fingerprint(mut rig: config::RigFile) -> config::RigFile {
+fn with_fingerprint(mut rig: RigFile) -> RigFile {
     if let Kind::Simulated(simulation) = &mut rig.kind {
         let glare = &mut simulation.glare;
         *glare = Glare { share: 0.2, radius_px: 6.0 };
@@ -66,63 +127,135 @@ fn with_fingerprint(mut rig: config::RigFile) -> config::RigFile {
     rig
 }
 
-fn record(name: &str, is_touched: bool) {
-    println!(
-        "\n{name}, {}:",
-        if is_touched { "lens touched since calibration" } else { "lens as measured" }
-    );
-    let rig = rig(name);
-    let folder = tempfile::tempdir().unwrap();
-    let calibration =
-        calibrate(&mut simulated::open(&rig).unwrap().0, &rig, None, &mut to_the_end).unwrap();
-    let now = if is_touched { with_fingerprint(rig.clone()) } else { rig.clone() };
-    let (mut devices, witness) = simulated::open(&now).unwrap();
-    std::fs::write(folder.path().join("calibration"), postcard::to_allocvec(&calibration).unwrap())
-        .unwrap();
-    let tone = Tone::of_curve(rig.photo.curve, 8);
-    let codes = Scene::Astronaut.codes(rig.photo.size());
-    let rounded = |plane: &Plane| plane.map(|v: f32| v.round().clamp(0.0, 255.0) as u8);
-    let light: Frame<Work> = Frame::from_fn(|c| tone.plane(c, &rounded(codes.plane(c))));
-    let codes = witness.photograph(&light, 1);
-    let photo: Frame<Work> = Frame::from_fn(|c| tone.plane(c, codes.plane(c)));
-    store(&folder.path().join("photo"), photo.planes());
-
-    let frames = Arc::new(Mutex::new(Vec::new()));
-    let nothing: Box<dyn Camera + Send> =
-        Box::new(StoredCamera { frames: Vec::new(), next: 0, clock: Steps::default() });
-    let inner = std::mem::replace(&mut devices.camera, nothing);
-    devices.camera = Box::new(RecordingCamera { inner, frames: Arc::clone(&frames) });
-    restore(&rig, &calibration, &photo, &mut devices);
-    for (n, counts) in frames.lock().unwrap().iter().enumerate() {
-        let planes: Vec<Plane> = counts.planes().iter().map(|p| p.map(f32::from)).collect();
-        store(&folder.path().join(format!("frame-{n}")), &planes);
-    }
-    drop(devices);
-    let program = std::env::current_exe().unwrap();
-    let ended = std::process::Command::new(program)
-        .env(STORED, folder.path())
-        .env(RIG, name)
-        .status()
-        .unwrap();
-    assert!(ended.success());
+/// A folder with a calibration, photos, and the camera's frames of one restoration.
+struct Stand {
+    name: &'static str,
+    rig: RigFile,
+    folder: tempfile::TempDir,
+    /// The developed photo, linear light.
+    light: Frame<Work>,
+    raw: Option<RawPhoto>,
+    black: f64,
+    white: u16,
 }
 
-fn restore_stored(folder: &Path, name: &str) {
-    let rig = rig(name);
-    let calibration: Calibration =
-        postcard::from_bytes(&std::fs::read(folder.join("calibration")).unwrap()).unwrap();
-    let photo = Frame::from_planes(load(&folder.join("photo"), rig.photo.size()));
+impl Stand {
+    fn record(name: &'static str, is_touched: bool) -> Stand {
+        let state = if is_touched { "lens touched since calibration" } else { "lens as measured" };
+        println!("\n{name}, {state}:");
+        let rig = rig(name);
+        let folder = tempfile::tempdir().unwrap();
+        let calibration =
+            calibrate(&mut simulated::open(&rig).unwrap().0, &rig, None, &mut to_the_end).unwrap();
+        slots::save(folder.path(), &calibration).unwrap();
+        let now = if is_touched { with_fingerprint(rig.clone()) } else { rig.clone() };
+        let (_, witness) = simulated::open(&now).unwrap();
+        let tone = Tone::of_curve(rig.photo.curve, 8);
+        let codes = Scene::Astronaut.codes(rig.photo.size());
+        let rounded = |plane: &Plane| plane.map(|v: f32| v.round().clamp(0.0, 255.0) as u8);
+        let scene: Frame<Work> = Frame::from_fn(|c| tone.plane(c, &rounded(codes.plane(c))));
+        let codes = witness.photograph(&scene, 1);
+        let light = Frame::from_fn(|c| tone.plane(c, codes.plane(c)));
+        let raw = witness.photograph_raw(&scene, 1);
+        let (black, white) = (witness.black_level_counts(), witness.white_count().round() as u16);
+        let stand = Stand { name, rig, folder, light, raw, black, white };
+        stand.store_photos(1);
+
+        for photo in PHOTOS {
+            stand.record_frames(photo, simulated::open(&now).unwrap().0);
+        }
+        stand
+    }
+
+    /// Restores the stored `photo` on `devices`, and stores the frames of their camera.
+    fn record_frames(&self, photo: &str, mut devices: Devices) {
+        if !self.folder.path().join(photo).exists() {
+            return;
+        }
+        let frames = Arc::new(Mutex::new(Vec::new()));
+        let nothing: Box<dyn Camera + Send> = Box::new(StoredCamera::default());
+        let inner = std::mem::replace(&mut devices.camera, nothing);
+        devices.camera = Box::new(RecordingCamera { inner, frames: Arc::clone(&frames) });
+        let folder = self.folder.path();
+        let mut restorer =
+            OnRig::new(&self.rig, devices, folder.to_owned(), None, Arc::new(seconds), |_| {})
+                .unwrap();
+        let file = std::fs::File::open(folder.join(photo)).unwrap();
+        let read = ReadOptions::of(&self.rig).photo_of_file(photo, file).unwrap();
+        restorer.restore(&read, &mut |_| {}).unwrap();
+        for (n, counts) in frames.lock().unwrap().iter().enumerate() {
+            let planes: Vec<Plane> = counts.planes().iter().map(|p| p.map(f32::from)).collect();
+            store(&folder.join(frame_name(photo, n)), &planes);
+        }
+    }
+
+    /// Stores the photo as of a camera with `binning` times the pixels along each side: developed
+    /// as PNG and JPEG, and raw.
+    fn store_photos(&self, binning: usize) {
+        let Size { width, height } = self.light.size();
+        let size = Size::new(binning * width, binning * height);
+        let light = Frame::from_fn(|c| resize(self.light.plane(c), size));
+        for (name, format) in [("developed.png", Format::Png), ("developed.jpg", Format::Jpeg)] {
+            let manner = Manner::plain(format, 8, self.rig.photo.curve);
+            let bytes = encode(name, &light, &manner, false).unwrap();
+            std::fs::write(self.folder.path().join(name), bytes).unwrap();
+        }
+        let Some(raw) = &self.raw else { return };
+        let (own, enlarged) = (
+            &raw.sites,
+            Plane::from_fn(size, |x, y| {
+                // The nearest site of the same colour.
+                let at =
+                    |n: usize, most: usize| (n / binning / 2 * 2 + n % 2).min(most - 2 + n % 2);
+                raw.sites.at(at(x, width), at(y, height))
+            }),
+        );
+        let sites = if binning == 1 { own } else { &enlarged };
+        let dng = Dng {
+            sites,
+            mosaic: raw.mosaic,
+            black: self.black,
+            white: self.white,
+            camera: &self.rig.name,
+            exposure_s: None,
+            crop: None,
+            tags: RawTags::default(),
+        };
+        std::fs::write(self.folder.path().join("raw.dng"), dng.bytes()).unwrap();
+    }
+
+    /// Restores `photo` of a camera with `binning` times the pixels along each side, in
+    /// a process of its own.
+    fn restore(&self, photo: &str, binning: usize) {
+        let ended = std::process::Command::new(std::env::current_exe().unwrap())
+            .env(STORED, self.folder.path())
+            .env(RIG, self.name)
+            .env(BINNING, binning.to_string())
+            .env(PHOTO, photo)
+            .status()
+            .unwrap();
+        assert!(ended.success());
+    }
+}
+
+/// The file name of frame `n` of the restoration of `photo`.
+fn frame_name(photo: &str, n: usize) -> String {
+    format!("{photo}-{n}.frame")
+}
+
+/// Restores `photo` in `folder` as the box does, from file to file; prints the cost.
+fn restore_stored(folder: &Path, name: &str, binning: usize, photo: &str) {
+    let rig = before_finer_pixels(rig(name), binning);
     let mut frames = Vec::new();
-    while let Some(path) =
-        Some(folder.join(format!("frame-{}", frames.len()))).filter(|p| p.exists())
+    while let Some(path) = Some(folder.join(frame_name(photo, frames.len()))).filter(|p| p.exists())
     {
         let planes = load(&path, rig.camera.size());
         frames.push(Counts::from_planes(planes.map(|p| p.map(|v: f32| v as u16))));
     }
     let clock = Steps::default();
-    let camera = StoredCamera { frames, next: 0, clock: clock.clone() };
+    let camera = StoredCamera { frames, binning, next: 0, clock: clock.clone() };
     let panel = NullPanel { size: rig.panel.size(), clock: clock.clone() };
-    let mut devices = Devices::new(
+    let devices = Devices::new(
         Box::new(panel),
         Box::new(clock.clone()),
         Box::new(camera),
@@ -130,54 +263,35 @@ fn restore_stored(folder: &Path, name: &str) {
         Timing::of(&rig.panel, &rig.camera),
     );
     let before = memory();
-    let Cost { computing_s, captures, processor_s } =
-        restore(&rig, &calibration, &photo, &mut devices);
-    let (size, method) = (rig.photo.size(), rig.restore.method.name());
-    println!("{method}, {size} in colour, {captures} captures, no simulator");
+    let mut restorer =
+        OnRig::new(&rig, devices, folder.to_owned(), None, Arc::new(seconds), |_| {}).unwrap();
+    let opened = memory();
+    let mut last = processor_seconds();
+    let mut lap = || {
+        let now = processor_seconds();
+        now - std::mem::replace(&mut last, now)
+    };
+    let options = ReadOptions::of(&rig);
+    let file = std::fs::File::open(folder.join(photo)).unwrap();
+    let read = options.photo_of_file(photo, file).unwrap();
+    let (reading, peak_reading) = (lap(), memory());
+    let outcome = restorer.restore(&read, &mut |_| {}).unwrap();
+    let (restoring, peak_restoring) = (lap(), memory());
+    let bytes = read.with_picture(&outcome.picture, read.manner.format).unwrap();
+    let (writing, size) = (lap(), read.light.size());
     println!(
-        "computing          {computing_s:6.2} s ({processor_s:.2} s of processor time, {:.2} s a \
-         megapixel)",
-        processor_s / (size.area() as f64 / 1e6)
-    );
-    println!(
-        "peak memory        {:6.0} MiB ({before:.0} MiB with photo and frames read)",
+        "{photo}, {size}, solved at {}, by {}, {} captures, {}: read {reading:.2} s, restored \
+         {restoring:.2} s, encoded to {:.1} MB {writing:.2} s of processor time, {:.2} s a \
+         megapixel; peak memory {:.0} MiB ({before:.0} before, {opened:.0} with the lens, \
+         {peak_reading:.0} with the photo, {peak_restoring:.0} restored)",
+        rig.photo.size(),
+        outcome.method,
+        outcome.captures,
+        if outcome.verdict == relens::pipeline::Verdict::Sound { "sound" } else { "not sound" },
+        bytes.len() as f64 / 1e6,
+        restoring / (size.area() as f64 / 1e6),
         memory()
     );
-}
-
-/// Cost of a restoration without judging.
-struct Cost {
-    computing_s: f64,
-    captures: usize,
-    processor_s: f64,
-}
-
-/// Restores `photo`; prints the cost of judging apart.
-fn restore(
-    rig: &config::RigFile,
-    calibration: &Calibration,
-    photo: &Frame<Work>,
-    devices: &mut Devices,
-) -> Cost {
-    let before = memory();
-    let pipeline = Pipeline::new(rig, calibration).unwrap().timed_by(Arc::new(seconds));
-    println!("lens model and corrections: {:.0} MiB", memory() - before);
-    let solver = method(rig, rig.restore.method);
-    let (begun, processor) = (seconds(), processor_seconds());
-    let mut watch = |_: &relens::deconvolution::method::Step, _: Option<&Frame<Work>>| {};
-    let prepared = pipeline.prepare(PhotoData::developed(photo, Channels::Colour));
-    let restored = pipeline.solve(devices, &prepared, &*solver, &mut watch).unwrap();
-    let (solved, solved_processor) = (seconds(), processor_seconds());
-    pipeline.judge(&prepared, &restored, &mut watch).unwrap();
-    println!(
-        "judging            {:6.2} s of processor time",
-        processor_seconds() - solved_processor
-    );
-    Cost {
-        computing_s: solved - begun - restored.waited_seconds,
-        captures: restored.captures,
-        processor_s: solved_processor - processor,
-    }
 }
 
 /// Peak resident memory so far, MiB.
@@ -230,8 +344,10 @@ impl Camera for RecordingCamera {
 }
 
 /// A camera that delivers stored frames, then the last one again and again.
+#[derive(Default)]
 struct StoredCamera {
     frames: Vec<Counts>,
+    binning: usize,
     next: usize,
     clock: Steps,
 }
@@ -241,8 +357,15 @@ impl Camera for StoredCamera {
         self.frames[0].size()
     }
     fn frame(&mut self, _: Moment) -> Result<Exposed, RigError> {
-        let counts = self.frames[self.next.min(self.frames.len() - 1)].clone();
+        let stored = &self.frames[self.next.min(self.frames.len() - 1)];
         self.next += 1;
+        let (Size { width, height }, by) = (stored.size(), self.binning);
+        // A binned camera has a frame of its own pixels, whose means it delivers.
+        let own: Counts = Frame::from_fn(|c| {
+            let size = Size::new(by * width, by * height);
+            Plane::from_fn(size, |x, y| stored.plane(c).at(x / by, y / by))
+        });
+        let counts = Frame::from_fn(|c| bin(own.plane(c), by).map(|mean: f32| mean.round() as u16));
         Ok(Exposed { counts, sequence: self.next as u32, at: self.clock.now() })
     }
     fn reopen(&mut self) -> Result<(), RigError> {

@@ -1,17 +1,22 @@
-//! Time and quality of the rig's own method on photographs, raw and as developed by a camera.
+//! Time and quality of the rig's own method on photographs: raw, as developed by a camera, and as
+//! its JPEG.
 
 use relens::chart::scenes::Scene;
 use relens::chart::table::Table;
-use relens::chart::test_rig::{PHOTO_SEED, TestPhoto};
+use relens::chart::test_rig::PHOTO_SEED;
 use relens::config::RigFile;
-use relens::frame::{Channels, Frame};
-use relens::picture::Tone;
-use relens::pipeline::method;
+use relens::frame::{Channels, Frame, Work};
+use relens::picture::{Limits, Photo, Tone};
+use relens::pipeline::{PhotoData, method};
 
-use crate::Failure;
 use crate::harness::Harness;
+use crate::jpeg_coder::{Quality, coded};
 use crate::made::Made;
 use crate::view::{KEPT, Subject, View};
+use crate::{Failure, seconds};
+
+/// Quality of the JPEGs, chroma at half the width and height.
+const JPEG_QUALITY: u32 = 90;
 
 const SCENES: [Scene; 3] = [Scene::Astronaut, Scene::Coffee, Scene::Rocket];
 
@@ -35,15 +40,27 @@ pub(crate) fn run(rig: &RigFile, quick: bool) -> Result<Made, Failure> {
         });
         let (truth, seed) = (harness.truth(&light), PHOTO_SEED + n as u64);
         let codes = harness.witness.photograph(&light, seed);
-        let developed = TestPhoto::developed(Frame::from_fn(|c| tone.plane(c, codes.plane(c))));
+        let developed: Frame<Work> = Frame::from_fn(|c| tone.plane(c, codes.plane(c)));
         let taken = harness.photograph(&light, seed)?;
-        for photo in [taken, developed] {
-            let data = if photo.raw.is_some() { "raw" } else { "developed" };
-            let (solved, seconds) =
-                harness.test_rig.solve(&photo, Channels::Colour, &*own, &mut |_, _| {})?;
-            let before = harness.test_rig.quality(&photo.light, &truth);
+        let quality = Quality { quality: JPEG_QUALITY, pixels: (2, 2) };
+        let file = coded(&codes, quality);
+        let limits = Limits::default();
+        let jpeg = Photo::from_bytes("photo.jpg", &file, rig.photo.curve, &limits)?;
+        let kinds = [
+            ("raw", taken.raw.map(|raw| PhotoData::raw(&taken.light, raw))),
+            ("developed", Some(PhotoData::developed(&developed, Channels::Colour))),
+            ("JPEG", Some(PhotoData::from(&jpeg))),
+        ];
+        for (kind, data) in kinds {
+            let Some(data) = data else { continue };
+            let (pipeline, devices) = harness.test_rig.parts();
+            let begun = seconds();
+            let prepared = pipeline.prepare(data);
+            let solved = pipeline.solve(devices, &prepared, &*own, &mut |_, _| {})?;
+            let seconds = seconds() - begun - solved.waited_seconds;
+            let before = harness.test_rig.quality(data.light, &truth);
             let after = harness.test_rig.quality(&solved.picture, &truth);
-            let mut row = vec![subject.name().to_owned(), data.to_owned()];
+            let mut row = vec![subject.name().to_owned(), kind.to_owned()];
             row.push(format!("{:.2}", seconds * 1e6 / size.area() as f64));
             for quality in [before, after] {
                 row.push(format!("{:.4}", quality.ssim));
