@@ -33,6 +33,11 @@ use relens::rig::exposure::{Devices, Timing};
 use relens::rig::simulated::RawPhoto;
 use relens::rig::{Camera, Clock, Exposed, Flip, Moment, Panel, RigError, Trigger, simulated};
 
+#[path = "../lab/sized.rs"]
+mod sized;
+
+use sized::sized;
+
 /// Variable with the folder of a [`Stand`], set for the other processes.
 const STORED: &str = "RELENS_BENCH_STORED";
 /// Variable with the name of its rig.
@@ -45,7 +50,7 @@ const PHOTO: &str = "RELENS_BENCH_PHOTO";
 const PHOTOS: [&str; 3] = ["developed.png", "developed.jpg", "raw.dng"];
 const IDEAL: &str = include_str!("../../rig-config/ideal.toml");
 const SIMULATED: &str = include_str!("../../rig-config/simulated.toml");
-/// simulated.toml with four times the pixels.
+/// simulated.toml with twice the pixels along each side.
 const LARGE: &str = "simulated.toml of 2048x1536";
 
 fn main() {
@@ -77,31 +82,7 @@ fn main() {
 fn rig(name: &str) -> RigFile {
     match name {
         "ideal.toml" => config::parse(IDEAL, name).unwrap(),
-        LARGE => {
-            let mut rig = config::parse(SIMULATED, name).unwrap();
-            let Kind::Simulated(simulation) = &mut rig.kind else { unreachable!() };
-            let (lens, photo, panel) = (&mut simulation.lens, &mut rig.photo, &mut rig.panel);
-            lens.pixel_pitch_um /= 2.0;
-            lens.support_px = (2 * lens.support_px) | 1;
-            let camera = &mut rig.camera;
-            let lengths = [
-                &mut photo.width_px,
-                &mut photo.height_px,
-                &mut panel.width_px,
-                &mut panel.height_px,
-                &mut camera.width_px,
-                &mut camera.height_px,
-                &mut camera.photo_x_px,
-                &mut camera.photo_y_px,
-                &mut rig.calibration.checker_square_px,
-                &mut rig.paper.patch_px,
-                &mut rig.paper.margin_px,
-                &mut rig.canvas.margin_px,
-            ];
-            lengths.into_iter().for_each(|px| *px *= 2);
-            rig.calibration.function_support_px = (2 * rig.calibration.function_support_px) | 1;
-            rig
-        }
+        LARGE => sized(&config::parse(SIMULATED, name).unwrap(), 2.0),
         _ => config::parse(SIMULATED, name).unwrap(),
     }
 }

@@ -1,19 +1,18 @@
 //! A rig with more or fewer pixels.
 
-use relens::config::RigFile;
-
-use crate::change::lens;
+use relens::config::{Kind, RigFile};
 
 /// `rig` with the same field on `times` as many pixels along each side; all lengths in pixels scale
 /// with them.
 pub(crate) fn sized(rig: &RigFile, times: f64) -> RigFile {
     let mut rig = rig.clone();
     let by = |px: usize| (px as f64 * times) as usize;
-    lens(&mut rig, |lens| {
+    if let Kind::Simulated(simulation) = &mut rig.kind {
+        let lens = &mut simulation.lens;
         lens.pixel_pitch_um /= times;
         lens.support_px = by(lens.support_px) | 1;
         (lens.node_columns, lens.node_rows) = (by(lens.node_columns), by(lens.node_rows));
-    });
+    }
     let (photo, panel, camera) = (&mut rig.photo, &mut rig.panel, &mut rig.camera);
     let lengths = [
         &mut photo.width_px,
