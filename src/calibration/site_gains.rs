@@ -57,6 +57,18 @@ impl SiteGains {
         near(y, plane.height()).any(|v| plane.row(v)[near(x, plane.width())].contains(&BAD))
     }
 
+    /// Deviation of the responses from 1 over the part `place` of the canvas: between `channel`'s
+    /// sites as demosaiced, 0 at bad ones.
+    pub fn deviations(&self, channel: Channel, place: Rect) -> Plane {
+        let steps = self.steps(channel);
+        let of = |steps: i8| if steps == BAD { 0.0 } else { STEP * f32::from(steps) };
+        let sites = Plane::from_fn(place.size, |x, y| of(steps.at(place.x + x, place.y + y)));
+        match self.mosaic {
+            Some(mosaic) => mosaic.from_place(place.x, place.y).filled(channel, &sites),
+            None => sites,
+        }
+    }
+
     /// Response of `channel`'s site at (`x`, `y`) of the canvas; `None` if bad.
     pub fn response(&self, channel: Channel, x: usize, y: usize) -> Option<f32> {
         let steps = self.steps(channel).at(x, y);

@@ -186,7 +186,8 @@ table! {
         @[serde(skip_serializing_if = "std::ops::Not::not")]
         linearity: bool, Truth, Means("false");
         /// Flats that measure each site's gain and find hot and dead sites; 0 takes all sites as
-        /// equal. A hundred add less than a tenth of a photo's noise.
+        /// equal. A hundred add less than a tenth of a photo's noise. A photo that does not show
+        /// these gains was taken by another sensor and is returned.
         @[serde(skip_serializing_if = "is_default")]
         response_flats: usize, Whole(0, 10_000), Means("0");
     }

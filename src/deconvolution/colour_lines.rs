@@ -12,7 +12,6 @@ use super::colour_axis::width_px;
 use super::data_term::SATURATED;
 use super::lens_model::LensFunctions;
 use super::observation::Observation;
-use super::one_blur::{TILES, TILES_MIN};
 use super::smoothing::{blur, halve, mean_around};
 use crate::frame::{Channel, Plane, Rect, Size};
 
@@ -24,6 +23,10 @@ const REACH: f32 = 1.0;
 const ALONG_LINE: f32 = 0.1;
 /// Power of details over that of noise below which a place shows nothing. Guess.
 const DETAILS: f32 = 4.0;
+/// Columns and rows of tiles. Guess.
+const TILES: (usize, usize) = (16, 12);
+/// Tiles with details below which a photo shows nothing. Guess.
+const TILES_MIN: usize = 8;
 /// Gauss–Newton steps; the residual is nearly linear in a share.
 const STEPS: usize = 3;
 /// σ of shares before a photo is seen: 5 % of distance, or broad light, change them by 0.1 to 0.2

@@ -29,7 +29,6 @@ pub mod lens_model;
 pub mod level_norms;
 pub mod method;
 pub mod observation;
-pub mod one_blur;
 pub mod opponent;
 pub mod panel_beat;
 pub mod patches;

@@ -12,6 +12,7 @@ mod model_error;
 mod optical_residual;
 mod outcome;
 mod outliers;
+mod own_sensor;
 mod photo_data;
 mod prepare;
 mod raw_noise;

@@ -4,13 +4,12 @@ use serde::{Deserialize, Serialize};
 
 use super::Pipeline;
 use super::judging::Evidence;
-use super::judging::limits::{NOT_THIS_LENS, NOTHING_BUT_NOISE, ONE_BLUR, SHARPER};
+use super::judging::limits::{ANOTHER_SENSOR, NOTHING_BUT_NOISE, SHARPER};
 use super::optical_residual::{CertifiedFocus, Confirmation, OpticalResidual};
 use super::outliers::Outliers;
 use super::stages::{Prepared, Solved};
 use crate::deconvolution::focus::NOISE_MAX;
 use crate::deconvolution::method::{Certificate, Method, MethodError, Watch};
-use crate::deconvolution::one_blur::errors_for_one_blur;
 use crate::deconvolution::stage::ResultStage;
 use crate::frame::{Channel, Frame, Work};
 use crate::rig::exposure::Devices;
@@ -112,16 +111,10 @@ impl Pipeline {
             let is_noise = photo.observation.channels.list().iter().any(is_noisier);
             return Some(if is_noise { NOTHING_BUT_NOISE } else { ResultStage::Photo.reason() });
         }
+        if photo.is_of_another_sensor {
+            return Some(ANOTHER_SENSOR);
+        }
         photo.is_of_sharper_lens.then_some(SHARPER)
-    }
-
-    /// Whether one blur explains the colours of `photo` better than the measured lens does.
-    pub(super) fn has_one_blur(&self, photo: &Prepared<'_>) -> bool {
-        // As measured: fitted to the photo's colours, the lens would explain one blur, too.
-        let lens = if photo.focus.is_some() { self.lens_of(photo) } else { &self.lens };
-        let errors = errors_for_one_blur(&lens.model, &photo.observation);
-        log::debug!("one blur explains blue better by {errors:.1?} standard errors");
-        errors.is_some_and(|errors| errors > ONE_BLUR)
     }
 
     /// Restores `photo` at its own focus, or at the panel's if no scene gives it at its own: its
@@ -149,8 +142,7 @@ impl Pipeline {
     }
 
     /// Restores `photo` at its focus. Where no scene gives it, it is restored without its outliers,
-    /// if no capture contradicts that. A photo of one blur is returned; outliers may have one, as a
-    /// text drawn over a photo has.
+    /// if no capture contradicts that.
     fn restore_explained(
         &self,
         rig: &mut Devices,
@@ -160,20 +152,12 @@ impl Pipeline {
     ) -> Result<(Outcome, Solved), MethodError> {
         let solved = self.solve(rig, photo, method, watch)?;
         let outcome = self.judge(photo, &solved, watch)?;
-        let of_other_lens = || Outcome {
-            captures: solved.captures,
-            ..Outcome::untouched(photo.photo.as_ref().clone(), NOT_THIS_LENS)
-        };
         if outcome.verdict != Verdict::Untouched {
-            let outcome = if self.has_one_blur(photo) { of_other_lens() } else { outcome };
             return Ok((outcome, solved));
         }
         let Some(rest) = self.without_outliers(photo, &solved) else {
             return Ok((outcome, solved));
         };
-        if self.has_one_blur(&rest) {
-            return Ok((of_other_lens(), solved));
-        }
         let again = self.solve(rig, &rest, method, watch)?;
         let judged = self.judge(&rest, &again, watch)?;
         let captures = solved.captures + again.captures;

@@ -7,6 +7,7 @@
 //! | raw sites divided by the sensor's gain pattern, bad ones marked | the lens did not make it |
 //! | placed on the canvas | light from outside the frame reaches the photo |
 //! | noise estimated | the shrinkage follows it; nothing else is tuned per photo |
+//! | sensor found by that pattern | photos of other cameras are returned |
 //! | focus found, where the lens was measured at several | the scene may be nearer or farther |
 //! | spectrum of a raw photo tested for another lens | stopped down it is too sharp for this one |
 //!
@@ -43,7 +44,9 @@ const CODED_TWICE: &str = "this JPEG was made from another JPEG with coarser ste
 impl Pipeline {
     /// `photo` (photo-sized) made ready for the methods.
     pub fn prepare<'a>(&self, photo: impl Into<PhotoData<'a>>) -> Prepared<'a> {
-        let PhotoData { light, channels, recorded } = photo.into();
+        let photo = photo.into();
+        let is_of_another_sensor = self.is_of_another_sensor(&photo);
+        let PhotoData { light, channels, recorded } = photo;
         let mut prepared = match recorded {
             Recorded::Developed => self.prepare_developed(light, channels),
             Recorded::Raw(raw) => self.prepare_raw(light, raw),
@@ -58,13 +61,14 @@ impl Pipeline {
             }
             Recorded::Jpeg { coding, tone } => self.prepare_jpeg(light, channels, coding, tone),
         };
+        prepared.is_of_another_sensor = is_of_another_sensor;
         self.fit_colours(&mut prepared);
         prepared
     }
 
     /// Pixels that bad sites of the rig's sensor may have reached are missing. The photo is not
-    /// divided by the sensor's gain pattern: nothing shows that this sensor took it, nor how its
-    /// camera interpolated between the sites.
+    /// divided by the sensor's gain pattern: nothing shows how its camera interpolated between the
+    /// sites.
     fn prepare_developed<'a>(&self, photo: &'a Frame<Work>, channels: Channels) -> Prepared<'a> {
         let mut prepared = self.place(photo, self.straighten(photo, None), channels);
         self.mark_missing(&mut prepared.observation, SiteGains::reaches);
@@ -264,6 +268,7 @@ impl Pipeline {
             focus: None,
             lens: None,
             is_of_sharper_lens: false,
+            is_of_another_sensor: false,
             outliers: None,
             notes: Vec::new(),
             lens_alone: OnceLock::new(),

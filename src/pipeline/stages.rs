@@ -25,6 +25,8 @@ pub struct Prepared<'a> {
     pub(super) lens: Option<BoundedLens>,
     /// Whether its spectrum shows a lens much sharper than the measured one; of raw photos.
     pub is_of_sharper_lens: bool,
+    /// Whether another sensor than the rig's took it.
+    pub is_of_another_sensor: bool,
     /// Its outliers, where it is solved without them.
     pub outliers: Option<Outliers>,
     /// Notes for the report.

@@ -136,7 +136,7 @@ fn run(options: &Options) -> Result<(), Failure> {
     if let Some(group) = options.group {
         std::fs::create_dir_all(out)?;
         let made = match rows {
-            _ if *what == Foreign => judging::foreign::run(group, *quick)?,
+            _ if *what == Foreign => judging::foreign::run(group, options.rig.as_deref(), *quick)?,
             _ if *what == Strange => strange::run(group, *quick)?,
             Some(rows) => judging::walked_again(group, &std::fs::read_to_string(rows)?)?,
             None => judging::run(group, *quick)?,

@@ -176,7 +176,7 @@ fn least(sums: &[f64]) -> usize {
 }
 
 /// The mean of `values` in units of its standard error.
-pub(super) fn standard_errors(values: &[f64]) -> f64 {
+fn standard_errors(values: &[f64]) -> f64 {
     let n = values.len() as f64;
     let mean = values.iter().sum::<f64>() / n;
     let variance = values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (n - 1.0).max(1.0);

@@ -133,11 +133,6 @@ impl JpegTerm {
         self.once
     }
 
-    /// Whether the data are coefficients of chroma at every pixel.
-    pub fn has_fine_chroma(&self) -> bool {
-        self.once && self.unit() == (BLOCK_PX, BLOCK_PX)
-    }
-
     /// Noise σ in `channel`, grey levels, which thresholds follow.
     pub fn noise(&self, channel: Channel) -> f32 {
         self.noise[channel.index()]

@@ -37,10 +37,6 @@ impl Sampling for Jpeg {
         false
     }
 
-    fn has_fine_colours(&self) -> bool {
-        self.term.has_fine_chroma()
-    }
-
     fn data_noise(&self, channel: Channel, _pixel_noise: f32) -> f32 {
         self.term.noise(channel)
     }

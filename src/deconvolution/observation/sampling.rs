@@ -37,11 +37,6 @@ pub trait Sampling: std::fmt::Debug + Send + Sync {
         true
     }
 
-    /// Whether every pixel has data of all channels.
-    fn has_fine_colours(&self) -> bool {
-        self.mosaic().is_none() && self.has_colour_axes()
-    }
-
     /// Noise σ of the data of `channel`, grey levels, where that of the pixels is `pixel_noise`.
     fn data_noise(&self, _channel: Channel, pixel_noise: f32) -> f32 {
         pixel_noise

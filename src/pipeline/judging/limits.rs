@@ -57,9 +57,6 @@ pub(in crate::pipeline) const OUTLIERS: [OutlierLimits; 3] = [
 pub(in crate::pipeline) const OUTLIERS_MOST: f64 = 1.0 / 3.0;
 /// Residual of the untouched photo over its noise from which pixels are informative. Guess.
 pub(in crate::pipeline) const INFORMATIVE: f32 = 2.0;
-/// Standard errors by which one blur must explain a photo's blue better than the lens does for the
-/// photo to be another lens's. Set on the limits: own photos have 1.3 at most, also under faults.
-pub(in crate::pipeline) const ONE_BLUR: f64 = 3.0;
 /// Steps of the short reference solution, of one channel, that is tried first. Guess.
 pub(super) const SHORT_STEPS: u32 = 12;
 /// The product above which the short solution suffices to call a photo foreign. Of 165
@@ -92,11 +89,12 @@ pub(super) const FILLED_IN: f32 = 0.5;
 pub(in crate::pipeline) const NOTHING_BUT_NOISE: &str = "from pixel to pixel the photo changes as \
     much as anywhere, which no lens lets through; it is dithered, screened as in print, or hardly \
     anything but noise";
+pub(in crate::pipeline) const ANOTHER_SENSOR: &str = "the photo does not show the pattern of this \
+    camera's pixels: another camera took it, or it was resized, turned or cut since; with \
+    response-flats = 0 in the rig file and a new calibration, such photos are restored";
 pub(in crate::pipeline) const SHARPER: &str = "the photo is far sharper than the measured lens \
     makes any, as a lens stopped down or another one does, and a restoration would overshoot; \
     calibrate at the aperture that you photograph with";
-pub(in crate::pipeline) const NOT_THIS_LENS: &str = "the photo's blur is not this lens's, which \
-    blurs each colour differently: it may come from another lens, or have been resized or scanned";
 /// Neither method nor reference solution explains more.
 pub(super) const NOTHING_GAINED: &str = "what the lens did to this photo cannot be told from the \
     photo's noise; any restoration would be made of that noise";

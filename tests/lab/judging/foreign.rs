@@ -3,6 +3,8 @@
 //! Sharp pictures reduced or enlarged to the rig's size, or blurred by other lenses, drawn screens
 //! and scans; beside them photos of the same scenes through the rig's lens, kept alike.
 
+use std::path::Path;
+
 use image::imageops::FilterType::{self, CatmullRom, Lanczos3, Nearest, Triangle};
 use image::{ImageBuffer, Rgb, imageops};
 use rand::{RngExt, SeedableRng};
@@ -16,7 +18,7 @@ use relens::pipeline::{Confirmation, Outcome, Verdict, method};
 
 use super::groups::Group;
 use crate::Failure;
-use crate::change::NOTHING;
+use crate::change::{NOTHING, simulation};
 use crate::harness::{Harness, calibrated};
 use crate::jpeg_coder::{Quality, coded};
 use crate::made::Made;
@@ -73,10 +75,19 @@ const DRAWN: usize = 20;
 /// A photo to be made: its view, unless it is drawn, what blurs it, and that in words.
 type Case = (Option<View>, Blur, &'static str);
 
-/// Rates on the photos of `group`: of each of its scenes, whole and in quarters, every other blur
-/// with one way to keep it; `quick` takes every fifth.
-pub(crate) fn run(group: Group, quick: bool) -> Result<Made, Failure> {
-    let rig = group.rigs()[0].load(group.seed() + 900)?;
+/// Rates on the photos of `group`, on the rig of the file `rig` or the group's first: of each of
+/// its scenes, whole and in quarters, every other blur with one way to keep it; `quick` takes every
+/// fifth.
+pub(crate) fn run(group: Group, rig: Option<&Path>, quick: bool) -> Result<Made, Failure> {
+    let seed = group.seed() + 900;
+    let rig = match rig {
+        None => group.rigs()[0].load(seed)?,
+        Some(path) => {
+            let mut rig = relens::config::load(path)?;
+            simulation(&mut rig, |simulation| simulation.seed = seed);
+            rig
+        }
+    };
     let (file, calibration) = calibrated(&rig, &NOTHING, 0.0)?;
     let mut harness = Harness::changed(&file, &calibration, &NOTHING, 0.0)?;
     let mut rows = String::from("view,blur,kept,verdict,certificate,reason\n");
@@ -99,7 +110,7 @@ pub(crate) fn run(group: Group, quick: bool) -> Result<Made, Failure> {
         rows += &(line + "\n");
         all.push((name, outcome));
     }
-    let mut made = Made::table(format!("foreign-{}", group.word()), table(group, &all));
+    let mut made = Made::table(format!("foreign-{}", group.word()), table(group, &file.name, &all));
     made.files = vec![(format!("foreign-{}-results.csv", group.word()), rows.into_bytes())];
     Ok(made)
 }
@@ -122,11 +133,11 @@ fn cases(group: Group) -> Vec<Case> {
 }
 
 /// Counts of `all` outcomes by what blurred the photo.
-fn table(group: Group, all: &[(&'static str, Outcome)]) -> Table {
+fn table(group: Group, rig: &str, all: &[(&'static str, Outcome)]) -> Table {
     let caption = format!(
         "Photos that the lens of {} did not take, scenes of the group `{}`: how many are changed. \
          `{OWN}` are photos that it took.",
-        group.rigs()[0].name,
+        rig,
         group.word()
     );
     let head = ["blurred by", "photos", "changed", "of these replaced", "certified"];

@@ -1,0 +1,218 @@
+//! Whether the rig's sensor took a photo, by the gain pattern of its sites.
+//!
+//! A site's gain g changes the light L that it records to g·L, in every photo of that sensor and
+//! in no other, however it is kept (Lukáš, Fridrich and Goljan, *Digital camera identification
+//! from sensor pattern noise*, IEEE TIFS 1(2), 2006). With the coefficients h of a photo's luma in
+//! blocks of 8×8, and s those of what the pattern adds to it, the measure is
+//!
+//! ```text
+//! z = Σ_b x_b / √(Σ_b x_b²),   x_b = Σ_k h s / v,   v = mean of h² over the nearest blocks
+//! ```
+//!
+//! It has mean 0 and variance 1 over photos of other sensors, and mean Σ s²/v / √(Σ_b x_b²) over
+//! those of this one. Coefficients that a JPEG rounds to zero carry no pattern: the blocks are a
+//! JPEG's, and coefficients are left out where they are small, in any photo.
+
+use rayon::prelude::*;
+
+use super::photo_data::{PhotoData, Recorded};
+use super::{Pipeline, SATURATION_SHARE};
+use crate::calibration::SiteGains;
+use crate::config::Curve;
+use crate::deconvolution::data_term;
+use crate::frame::block_transform::{cosines, transform};
+use crate::frame::{BLOCK_AREA, BLOCK_PX, Channel, FULL_SCALE, Frame, Plane, Rect, Size, Work};
+use crate::picture::Tone;
+
+/// Weights of luma (ITU-T T.871).
+const LUMA: [f32; 3] = [0.299, 0.587, 0.114];
+/// Codes up to which a coefficient may be pixels' rounding: four standard deviations of 1/√12.
+const ROUNDING: f32 = 1.2;
+/// Coefficients, of the nine nearest blocks', that must be above. Set on the limits, of 0 to 6.
+const ALIVE_MIN: usize = 4;
+/// Power added to v, codes². Guess: several times that of rounding.
+const LEAST_POWER: f32 = 0.5;
+/// Expected z from which a photo without the pattern is another sensor's. Set on the limits
+/// (`simulated.toml`): of 60 own photos, down to JPEGs of quality 60, z is 1.2 times as much on
+/// average and 0.7 times at least.
+const EXPECTED_MIN: f64 = 4.0;
+/// z from which a photo has the pattern, whatever is expected. Of 400 photos of other sensors z is
+/// 3.1 at most.
+const Z_MIN: f64 = 4.0;
+
+/// A block's coefficients.
+type LumaBlock = [f32; BLOCK_AREA];
+
+/// How clearly a photo has the gain pattern of a sensor.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct SensorMatch {
+    /// z, in standard errors.
+    found: f64,
+    /// z that this sensor's photos have on average.
+    expected: f64,
+}
+
+impl SensorMatch {
+    /// Whether another sensor took the photo: that is likelier, and z is none of this sensor's.
+    pub(super) fn is_of_another(self) -> bool {
+        self.expected >= EXPECTED_MIN && self.found < (0.5 * self.expected).min(Z_MIN)
+    }
+
+    /// The match of `photo`, of codes by `tone`, at `rect` of the canvas.
+    fn of(photo: &Frame<Work>, tone: &Tone, sites: &SiteGains, rect: Rect) -> SensorMatch {
+        let mut codes = Plane::zeros(rect.size);
+        let mut pattern = Plane::zeros(rect.size);
+        for (c, weight) in Channel::ALL.into_iter().zip(LUMA) {
+            let seen = tone.display(c, photo.plane(c));
+            let deviations = sites.deviations(c, rect);
+            let added = added_codes(photo.plane(c), &seen, tone.lights(c), deviations);
+            pattern.add_scaled(weight, &added);
+            codes.add_scaled(weight, &seen);
+        }
+        let size = Size::new(rect.size.width / BLOCK_PX, rect.size.height / BLOCK_PX);
+        SensorMatch::of_blocks(size, &blocks_of(&codes, size), &blocks_of(&pattern, size))
+    }
+
+    fn of_blocks(size: Size, photo: &[LumaBlock], pattern: &[LumaBlock]) -> SensorMatch {
+        let near = |at: usize, end: usize| at.saturating_sub(1)..(at + 2).min(end);
+        let sums: Vec<[f64; 2]> = (0..size.area())
+            .into_par_iter()
+            .map(|n| {
+                let (mut powers, mut alive) = ([0.0; BLOCK_AREA], [0; BLOCK_AREA]);
+                let mut count = 0.0;
+                for y in near(n / size.width, size.height) {
+                    for block in &photo[y * size.width..][near(n % size.width, size.width)] {
+                        count += 1.0;
+                        for (k, h) in block.iter().enumerate() {
+                            powers[k] += h * h;
+                            alive[k] += usize::from(h.abs() >= ROUNDING);
+                        }
+                    }
+                }
+                let mut sums = [0.0; 2];
+                for k in 1..BLOCK_AREA {
+                    let (h, s) = (photo[n][k], pattern[n][k]);
+                    if h.abs() >= ROUNDING && alive[k] >= ALIVE_MIN {
+                        let power = powers[k] / count + LEAST_POWER;
+                        sums[0] += f64::from(h * s / power);
+                        sums[1] += f64::from(s * s / power);
+                    }
+                }
+                sums
+            })
+            .collect();
+        let (mut found, mut power, mut expected) = (0.0, 0.0, 0.0);
+        for [x, mean] in sums {
+            found += x;
+            power += x * x;
+            expected += mean;
+        }
+        let error = power.sqrt().max(f64::MIN_POSITIVE);
+        SensorMatch { found: found / error, expected: expected / error }
+    }
+}
+
+impl Pipeline {
+    /// Whether another sensor than the rig's took `photo`; false if its gain pattern was not
+    /// measured, or this photo does not show it clearly enough.
+    pub(super) fn is_of_another_sensor(&self, photo: &PhotoData<'_>) -> bool {
+        let Some(sites) = self.correction.sites() else { return false };
+        let (_, rect) =
+            data_term::canvas_of(photo.light.size(), self.correction.layout().margin_px);
+        let usual;
+        let tone = match photo.recorded {
+            Recorded::Jpeg { tone, .. } => tone,
+            _ => {
+                usual = Tone::of_curve(Curve::Srgb, 8);
+                &usual
+            }
+        };
+        let found = SensorMatch::of(photo.light, tone, sites, rect);
+        log::debug!("the sensor's gain pattern in the photo: {found:.1?}");
+        found.is_of_another()
+    }
+}
+
+/// What gains 1 + `deviations` add to the codes `seen` of one channel of `photo`, whose codes have
+/// the `lights`; 0 where it is saturated.
+fn added_codes(photo: &Plane, seen: &Plane, lights: &[f32], mut deviations: Plane) -> Plane {
+    let top = lights.len() - 1;
+    let slope = |code: usize| {
+        let (below, above) = (code.saturating_sub(1), (code + 1).min(top));
+        (above - below) as f32 / (lights[above] - lights[below]).max(f32::MIN_POSITIVE)
+    };
+    let slopes: Vec<f32> = (0..=top).map(slope).collect();
+    let full = SATURATION_SHARE * FULL_SCALE;
+    let pixels = deviations.data_mut().iter_mut().zip(photo.data()).zip(seen.data());
+    pixels.for_each(|((added, light), code)| {
+        let slope = slopes[(*code as usize).min(top)];
+        *added *= if *light < full { light * slope } else { 0.0 };
+    });
+    deviations
+}
+
+/// The coefficients of `size` blocks of `plane`, row by row.
+fn blocks_of(plane: &Plane, size: Size) -> Vec<LumaBlock> {
+    let rows = cosines();
+    let block = |n: usize| {
+        let (left, top) = (n % size.width * BLOCK_PX, n / size.width * BLOCK_PX);
+        let mut block = [0.0; BLOCK_AREA];
+        for (y, row) in block.chunks_exact_mut(BLOCK_PX).enumerate() {
+            row.copy_from_slice(&plane.row(top + y)[left..][..BLOCK_PX]);
+        }
+        transform(&mut block, &rows);
+        block
+    };
+    (0..size.area()).into_par_iter().map(block).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+    use crate::config;
+    use crate::frame::Channels;
+    use crate::measurement::{calibrate, to_the_end};
+    use crate::picture::{Format, Limits, Manner, Photo, encode};
+    use crate::rig::simulated::open;
+
+    const SIZE: Size = Size::new(256, 192);
+
+    /// A scene that fades from light to dark, with details.
+    fn scene(channel: Channel) -> Plane {
+        let tint = 1.0 - 0.2 * channel.index() as f32;
+        Plane::from_fn(SIZE, |x, y| {
+            let (x, y) = (x as f32, y as f32);
+            tint * (60.0 + 0.5 * x + 20.0 * (0.21 * x).sin() * (0.13 * y + 0.02 * x).cos())
+        })
+    }
+
+    #[test]
+    fn photos_show_their_own_sensor_whatever_their_file() {
+        let config = config::load(Path::new("truthful.toml")).unwrap();
+        let (mut devices, witness) = open(&config).unwrap();
+        let calibration = calibrate(&mut devices, &config, None, &mut to_the_end).unwrap();
+        let pipeline = Pipeline::new(&config, &calibration).unwrap();
+        let tone = Tone::of_curve(Curve::Srgb, 8);
+        let codes = witness.photograph(&Frame::from_fn(scene), 3);
+        // Turned, the sites of the sensor are at other places.
+        for is_turned in [false, true] {
+            let light: Frame<Work> = Frame::from_fn(|c| {
+                let light = tone.plane(c, codes.plane(c));
+                let turned = |x, y| light.at(SIZE.width - 1 - x, SIZE.height - 1 - y);
+                if is_turned { Plane::from_fn(SIZE, turned) } else { light }
+            });
+            let developed = PhotoData::developed(&light, Channels::Colour);
+            assert_eq!(pipeline.is_of_another_sensor(&developed), is_turned);
+            let manner = Manner::plain(Format::Jpeg, 8, Curve::Srgb);
+            let file = encode("a.jpg", &light, &manner, false).unwrap();
+            let photo = Photo::from_bytes("a.jpg", &file, Curve::Srgb, &Limits::default()).unwrap();
+            assert_eq!(pipeline.is_of_another_sensor(&(&photo).into()), is_turned);
+        }
+        // Where light is full there is no pattern to expect.
+        let white = Frame::from_fn(|_| Plane::filled(SIZE, 255.0));
+        let blank = PhotoData::developed(&white, Channels::Colour);
+        assert!(!pipeline.is_of_another_sensor(&blank));
+    }
+}
