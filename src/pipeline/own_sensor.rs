@@ -33,11 +33,11 @@ const ALIVE_MIN: usize = 4;
 /// Power added to v, codes². Guess: several times that of rounding.
 const LEAST_POWER: f32 = 0.5;
 /// Expected z from which a photo without the pattern is another sensor's. Set on the limits
-/// (`simulated.toml`): of 60 own photos, down to JPEGs of quality 60, z is 1.2 times as much on
+/// (`simulated.toml`): of 60 own photos, down to JPEGs of quality 60, z is 1.6 times as much on
 /// average and 0.7 times at least.
 const EXPECTED_MIN: f64 = 4.0;
-/// z from which a photo has the pattern, whatever is expected. Of 400 photos of other sensors z is
-/// 3.1 at most.
+/// z from which a photo has the pattern, whatever is expected. Of 215 photos of other sensors z is
+/// 3.1 at most (limits).
 const Z_MIN: f64 = 4.0;
 
 /// A block's coefficients.
