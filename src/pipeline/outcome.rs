@@ -7,7 +7,7 @@ use super::judging::Evidence;
 use super::judging::limits::{ANOTHER_SENSOR, NOTHING_BUT_NOISE, SHARPER};
 use super::optical_residual::{CertifiedFocus, Confirmation, OpticalResidual};
 use super::outliers::Outliers;
-use super::stages::{Prepared, Solved};
+use super::stages::{Prepared, Solved, TakenBy};
 use crate::deconvolution::focus::NOISE_MAX;
 use crate::deconvolution::method::{Certificate, Method, MethodError, Watch};
 use crate::deconvolution::stage::ResultStage;
@@ -111,7 +111,7 @@ impl Pipeline {
             let is_noise = photo.observation.channels.list().iter().any(is_noisier);
             return Some(if is_noise { NOTHING_BUT_NOISE } else { ResultStage::Photo.reason() });
         }
-        if photo.is_of_another_sensor {
+        if photo.taken_by == TakenBy::Another {
             return Some(ANOTHER_SENSOR);
         }
         photo.is_of_sharper_lens.then_some(SHARPER)

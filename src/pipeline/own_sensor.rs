@@ -16,6 +16,7 @@
 use rayon::prelude::*;
 
 use super::photo_data::{PhotoData, Recorded};
+use super::stages::TakenBy;
 use super::{Pipeline, SATURATION_SHARE};
 use crate::calibration::SiteGains;
 use crate::config::Curve;
@@ -53,9 +54,15 @@ pub(super) struct SensorMatch {
 }
 
 impl SensorMatch {
-    /// Whether another sensor took the photo: that is likelier, and z is none of this sensor's.
-    pub(super) fn is_of_another(self) -> bool {
-        self.expected >= EXPECTED_MIN && self.found < (0.5 * self.expected).min(Z_MIN)
+    fn taken_by(self) -> TakenBy {
+        let is_unlikely = self.found < (0.5 * self.expected).min(Z_MIN);
+        if self.found >= Z_MIN {
+            TakenBy::Own
+        } else if self.expected >= EXPECTED_MIN && is_unlikely {
+            TakenBy::Another
+        } else {
+            TakenBy::Either
+        }
     }
 
     /// The match of `photo`, of codes by `tone`, at `rect` of the canvas.
@@ -113,10 +120,9 @@ impl SensorMatch {
 }
 
 impl Pipeline {
-    /// Whether another sensor than the rig's took `photo`; false if its gain pattern was not
-    /// measured, or this photo does not show it clearly enough.
-    pub(super) fn is_of_another_sensor(&self, photo: &PhotoData<'_>) -> bool {
-        let Some(sites) = self.correction.sites() else { return false };
+    /// The sensor that took `photo`.
+    pub(super) fn find_sensor(&self, photo: &PhotoData<'_>) -> TakenBy {
+        let Some(sites) = self.correction.sites() else { return TakenBy::Either };
         let (_, rect) =
             data_term::canvas_of(photo.light.size(), self.correction.layout().margin_px);
         let usual;
@@ -129,7 +135,7 @@ impl Pipeline {
         };
         let found = SensorMatch::of(photo.light, tone, sites, rect);
         log::debug!("the sensor's gain pattern in the photo: {found:.1?}");
-        found.is_of_another()
+        found.taken_by()
     }
 }
 
@@ -197,22 +203,22 @@ mod tests {
         let tone = Tone::of_curve(Curve::Srgb, 8);
         let codes = witness.photograph(&Frame::from_fn(scene), 3);
         // Turned, the sites of the sensor are at other places.
-        for is_turned in [false, true] {
+        for (is_turned, expected) in [(false, TakenBy::Own), (true, TakenBy::Another)] {
             let light: Frame<Work> = Frame::from_fn(|c| {
                 let light = tone.plane(c, codes.plane(c));
                 let turned = |x, y| light.at(SIZE.width - 1 - x, SIZE.height - 1 - y);
                 if is_turned { Plane::from_fn(SIZE, turned) } else { light }
             });
             let developed = PhotoData::developed(&light, Channels::Colour);
-            assert_eq!(pipeline.is_of_another_sensor(&developed), is_turned);
+            assert_eq!(pipeline.find_sensor(&developed), expected);
             let manner = Manner::plain(Format::Jpeg, 8, Curve::Srgb);
             let file = encode("a.jpg", &light, &manner, false).unwrap();
             let photo = Photo::from_bytes("a.jpg", &file, Curve::Srgb, &Limits::default()).unwrap();
-            assert_eq!(pipeline.is_of_another_sensor(&(&photo).into()), is_turned);
+            assert_eq!(pipeline.find_sensor(&(&photo).into()), expected);
         }
         // Where light is full there is no pattern to expect.
         let white = Frame::from_fn(|_| Plane::filled(SIZE, 255.0));
         let blank = PhotoData::developed(&white, Channels::Colour);
-        assert!(!pipeline.is_of_another_sensor(&blank));
+        assert_eq!(pipeline.find_sensor(&blank), TakenBy::Either);
     }
 }

@@ -22,7 +22,7 @@ use std::sync::{Arc, OnceLock};
 use super::Pipeline;
 use super::photo_data::{PhotoData, Recorded};
 use super::raw_noise::{AVERAGED_MIN, plausible_noise};
-use super::stages::Prepared;
+use super::stages::{Prepared, TakenBy};
 use crate::calibration::{Noise, SiteGains};
 use crate::deconvolution::blocking::blocking_of;
 use crate::deconvolution::data_term::{self, MISSING, SATURATED, TRUSTED};
@@ -45,7 +45,7 @@ impl Pipeline {
     /// `photo` (photo-sized) made ready for the methods.
     pub fn prepare<'a>(&self, photo: impl Into<PhotoData<'a>>) -> Prepared<'a> {
         let photo = photo.into();
-        let is_of_another_sensor = self.is_of_another_sensor(&photo);
+        let taken_by = self.find_sensor(&photo);
         let PhotoData { light, channels, recorded } = photo;
         let mut prepared = match recorded {
             Recorded::Developed => self.prepare_developed(light, channels),
@@ -61,7 +61,7 @@ impl Pipeline {
             }
             Recorded::Jpeg { coding, tone } => self.prepare_jpeg(light, channels, coding, tone),
         };
-        prepared.is_of_another_sensor = is_of_another_sensor;
+        prepared.taken_by = taken_by;
         self.fit_colours(&mut prepared);
         prepared
     }
@@ -268,7 +268,7 @@ impl Pipeline {
             focus: None,
             lens: None,
             is_of_sharper_lens: false,
-            is_of_another_sensor: false,
+            taken_by: TakenBy::Either,
             outliers: None,
             notes: Vec::new(),
             lens_alone: OnceLock::new(),

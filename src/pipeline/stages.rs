@@ -25,8 +25,8 @@ pub struct Prepared<'a> {
     pub(super) lens: Option<BoundedLens>,
     /// Whether its spectrum shows a lens much sharper than the measured one; of raw photos.
     pub is_of_sharper_lens: bool,
-    /// Whether another sensor than the rig's took it.
-    pub is_of_another_sensor: bool,
+    /// The sensor that took it.
+    pub(super) taken_by: TakenBy,
     /// Its outliers, where it is solved without them.
     pub outliers: Option<Outliers>,
     /// Notes for the report.
@@ -35,6 +35,17 @@ pub struct Prepared<'a> {
     pub(super) lens_alone: OnceLock<LensAlone>,
     /// RMS of K̂B − B by the measured lens, likewise.
     pub(super) untouched: OnceLock<[f32; 3]>,
+}
+
+/// The sensor that took a photo.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum TakenBy {
+    /// The rig's.
+    Own,
+    /// Another.
+    Another,
+    /// Either: the rig's pattern was not measured, or the photo shows too little of any.
+    Either,
 }
 
 /// A lens model with bounds on its norms.

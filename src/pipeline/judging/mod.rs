@@ -21,6 +21,7 @@ use evidence::worst_unexplained;
 pub use evidence::{Evidence, Residuals, unexplained_product};
 pub use fine_colour::FineColour;
 pub use grain::Grain;
+use limits::CLEARLY_FOREIGN;
 pub use limits::{FOREIGN, NO_GAIN};
 pub use measures::Case;
 pub(super) use reference::KnownCandidate;
@@ -28,9 +29,10 @@ pub(super) use residuals::valid_pixels;
 pub use table::{Unit, WITNESSES, WitnessRow};
 pub use verdict::{Measures, harm, is_suspect};
 
-use super::stages::{LensAlone, Prepared, Solved};
+use super::stages::{LensAlone, Prepared, Solved, TakenBy};
 use super::{Outcome, Pipeline, Verdict};
 use crate::deconvolution::method::{Method, MethodError, NoOptics, Watch};
+use crate::deconvolution::observation::DataKind;
 use crate::deconvolution::stage::ResultStage;
 use crate::frame::{Frame, Work};
 
@@ -133,7 +135,11 @@ impl Pipeline {
     /// of that lens alone: the finding of [`Pipeline::judge`], before any more captures.
     pub(super) fn is_hopeless(&self, photo: &Prepared<'_>, seen: &Frame<Work>) -> bool {
         let channels = self.residuals(photo, seen);
-        if unexplained_product(&channels) <= FOREIGN {
+        // Errors of a JPEG's coding pass for a fault, of which this sensor's photos have few.
+        let is_own_jpeg =
+            photo.taken_by == TakenBy::Own && photo.observation.sampling.kind() == DataKind::Jpeg;
+        let limit = if is_own_jpeg { CLEARLY_FOREIGN } else { FOREIGN };
+        if unexplained_product(&channels) <= limit {
             return false;
         }
         let candidate = KnownCandidate { channels: &channels, seen };
