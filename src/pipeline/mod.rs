@@ -34,7 +34,7 @@ pub use prepare::SATURATION_SHARE;
 pub use raw_noise::AVERAGED_MIN;
 pub(crate) use setting::counted;
 pub use setting::{Chosen, Setting};
-pub use stages::{PhotoFocus, Prepared, Solved};
+pub use stages::{PhotoFocus, Prepared, SensorMatch, Solved};
 
 use std::sync::{Arc, OnceLock};
 

@@ -14,6 +14,8 @@ pub struct OpticalResidual {
     pub floor_grey_levels: f64,
     /// The focus of the comparison.
     pub focus: CertifiedFocus,
+    /// Whether the photo may be another sensor's: it shows too little of any gain pattern.
+    pub of_any_sensor: bool,
 }
 
 /// An [`OpticalResidual`] in a report: one number, smaller is better, and its unit.
@@ -23,6 +25,7 @@ struct WrittenResidual {
     times_noise: f64,
     noise_grey_levels: f64,
     focus: CertifiedFocus,
+    of_any_sensor: bool,
 }
 
 impl From<OpticalResidual> for WrittenResidual {
@@ -31,6 +34,7 @@ impl From<OpticalResidual> for WrittenResidual {
             times_noise: residual.ratio(),
             noise_grey_levels: residual.floor_grey_levels,
             focus: residual.focus,
+            of_any_sensor: residual.of_any_sensor,
         }
     }
 }
@@ -41,6 +45,7 @@ impl From<WrittenResidual> for OpticalResidual {
             residual_grey_levels: written.times_noise * written.noise_grey_levels,
             floor_grey_levels: written.noise_grey_levels,
             focus: written.focus,
+            of_any_sensor: written.of_any_sensor,
         }
     }
 }
@@ -62,6 +67,8 @@ pub enum Confirmation {
     Full,
     /// The photo, as far as strong noise shows.
     Noisy,
+    /// The photo, if this sensor took it.
+    Unproven,
     /// Nearly the photo.
     Nearly,
     /// Another picture.
@@ -88,6 +95,7 @@ impl OpticalResidual {
             r if r <= CONFIRMED && self.floor_grey_levels > NOISY_GREY_LEVELS => {
                 Confirmation::Noisy
             }
+            r if r <= CONFIRMED && self.of_any_sensor => Confirmation::Unproven,
             r if r <= CONFIRMED => Confirmation::Full,
             r if r <= NEARLY_CONFIRMED => Confirmation::Nearly,
             _ => Confirmation::Not,
@@ -99,6 +107,7 @@ impl OpticalResidual {
         let finding = match self.confirmation() {
             Confirmation::Full => "is your photo",
             Confirmation::Noisy => "is your photo as far as its strong noise shows",
+            Confirmation::Unproven => "is your photo, supposing that this camera took it",
             Confirmation::Nearly => "is nearly your photo",
             Confirmation::Not => "still differs from your photo",
         };

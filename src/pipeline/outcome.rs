@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::Pipeline;
 use super::judging::Evidence;
-use super::judging::limits::{ANOTHER_SENSOR, NOTHING_BUT_NOISE, SHARPER};
+use super::judging::limits::{ANOTHER_SENSOR, NOT_CONFIRMED, NOTHING_BUT_NOISE, SHARPER};
 use super::optical_residual::{CertifiedFocus, Confirmation, OpticalResidual};
 use super::outliers::Outliers;
 use super::stages::{Prepared, Solved, TakenBy};
@@ -94,7 +94,7 @@ impl Pipeline {
             Some(reason) => (Outcome::untouched(photo.photo.as_ref().clone(), reason), None),
             None => {
                 let (outcome, solved) = self.restore_at_focus(rig, photo, method, watch)?;
-                (outcome, Some(solved))
+                (self.unless_rejected(photo, outcome), Some(solved))
             }
         };
         outcome.seconds = (self.stopwatch)() - begun;
@@ -111,10 +111,24 @@ impl Pipeline {
             let is_noise = photo.observation.channels.list().iter().any(is_noisier);
             return Some(if is_noise { NOTHING_BUT_NOISE } else { ResultStage::Photo.reason() });
         }
-        if photo.taken_by == TakenBy::Another {
+        if photo.taken_by() == Some(TakenBy::Another) {
             return Some(ANOTHER_SENSOR);
         }
         photo.is_of_sharper_lens.then_some(SHARPER)
+    }
+
+    /// `outcome`, or `photo` itself if its sensor is in doubt and the photograph of the result is
+    /// not the photo.
+    pub(super) fn unless_rejected(&self, photo: &Prepared<'_>, mut outcome: Outcome) -> Outcome {
+        if photo.taken_by() != Some(TakenBy::Either) {
+            return outcome;
+        }
+        if outcome.confirmation() == Some(Confirmation::Not) {
+            let untouched = Outcome::untouched(photo.photo.as_ref().clone(), NOT_CONFIRMED);
+            return Outcome { captures: outcome.captures, ..untouched };
+        }
+        outcome.certificate.iter_mut().for_each(|certificate| certificate.of_any_sensor = true);
+        outcome
     }
 
     /// Restores `photo` at its own focus, or at the panel's if no scene gives it at its own: its
@@ -210,6 +224,7 @@ impl Outcome {
                 residual_grey_levels: residual.into(),
                 floor_grey_levels: noise_floor.into(),
                 focus: CertifiedFocus::Panel,
+                of_any_sensor: false,
             }),
             captures: solved.captures,
             seconds: 0.0,

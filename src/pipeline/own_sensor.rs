@@ -16,7 +16,7 @@
 use rayon::prelude::*;
 
 use super::photo_data::{PhotoData, Recorded};
-use super::stages::TakenBy;
+use super::stages::SensorMatch;
 use super::{Pipeline, SATURATION_SHARE};
 use crate::calibration::SiteGains;
 use crate::config::Curve;
@@ -34,39 +34,10 @@ const ROUNDING: f32 = 1.2;
 const ALIVE_MIN: usize = 4;
 /// Power added to v, codes². Guess: several times that of rounding.
 const LEAST_POWER: f32 = 0.5;
-/// Expected z from which a photo without the pattern is another sensor's. Set on the limits
-/// (`simulated.toml`): of 60 own photos, down to JPEGs of quality 60, z is 1.6 times as much on
-/// average and 0.7 times at least.
-const EXPECTED_MIN: f64 = 4.0;
-/// z from which a photo has the pattern, whatever is expected. Of 215 photos of other sensors z is
-/// 3.1 at most (limits).
-const Z_MIN: f64 = 4.0;
-
 /// A block's coefficients.
 type LumaBlock = [f32; BLOCK_AREA];
 
-/// How clearly a photo has the gain pattern of a sensor.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct SensorMatch {
-    /// z, in standard errors.
-    found: f64,
-    /// z that this sensor's photos have on average.
-    expected: f64,
-}
-
 impl SensorMatch {
-    /// Of another sensor if that is likelier, z being nearer to 0 than to what is expected.
-    fn taken_by(self) -> TakenBy {
-        let is_unlikely = self.found < (0.5 * self.expected).min(Z_MIN);
-        if self.found >= Z_MIN {
-            TakenBy::Own
-        } else if self.expected >= EXPECTED_MIN && is_unlikely {
-            TakenBy::Another
-        } else {
-            TakenBy::Either
-        }
-    }
-
     /// The match of `photo`, of codes by `tone`, at `rect` of the canvas.
     fn of(photo: &Frame<Work>, tone: &Tone, sites: &SiteGains, rect: Rect) -> SensorMatch {
         let mut codes = Plane::zeros(rect.size);
@@ -122,9 +93,9 @@ impl SensorMatch {
 }
 
 impl Pipeline {
-    /// The sensor that took `photo`.
-    pub(super) fn find_sensor(&self, photo: &PhotoData<'_>) -> TakenBy {
-        let Some(sites) = self.correction.sites() else { return TakenBy::Either };
+    /// How clearly `photo` shows the pattern of the rig's sensor, if that was measured.
+    pub(super) fn match_sensor(&self, photo: &PhotoData<'_>) -> Option<SensorMatch> {
+        let sites = self.correction.sites()?;
         let (_, rect) =
             data_term::canvas_of(photo.light.size(), self.correction.layout().margin_px);
         let usual;
@@ -137,7 +108,7 @@ impl Pipeline {
         };
         let found = SensorMatch::of(photo.light, tone, sites, rect);
         log::debug!("the sensor's gain pattern in the photo: {found:.1?}");
-        found.taken_by()
+        Some(found)
     }
 }
 
@@ -178,13 +149,14 @@ fn blocks_of(plane: &Plane, size: Size) -> Vec<LumaBlock> {
 mod tests {
     use std::path::Path;
 
+    use super::super::stages::TakenBy;
     use super::*;
     use crate::config;
     use crate::deconvolution::method::digital::Digital;
     use crate::frame::Channels;
     use crate::measurement::{calibrate, to_the_end};
     use crate::picture::{Format, Limits, Manner, Photo, encode};
-    use crate::pipeline::Verdict;
+    use crate::pipeline::{CertifiedFocus, Confirmation, OpticalResidual, Outcome, Verdict};
     use crate::rig::simulated::open;
 
     const SIZE: Size = Size::new(256, 192);
@@ -204,6 +176,8 @@ mod tests {
         let (mut devices, witness) = open(&config).unwrap();
         let calibration = calibrate(&mut devices, &config, None, &mut to_the_end).unwrap();
         let pipeline = Pipeline::new(&config, &calibration).unwrap();
+        let taken_by =
+            |photo: &PhotoData<'_>| pipeline.match_sensor(photo).map(SensorMatch::taken_by);
         let tone = Tone::of_curve(Curve::Srgb, 8);
         let codes = witness.photograph(&Frame::from_fn(scene), 3);
         // Turned, the sites of the sensor are at other places.
@@ -214,11 +188,11 @@ mod tests {
                 if is_turned { Plane::from_fn(SIZE, turned) } else { light }
             });
             let developed = PhotoData::developed(&light, Channels::Colour);
-            assert_eq!(pipeline.find_sensor(&developed), expected);
+            assert_eq!(taken_by(&developed), Some(expected));
             let manner = Manner::plain(Format::Jpeg, 8, Curve::Srgb);
             let file = encode("a.jpg", &light, &manner, false).unwrap();
             let photo = Photo::from_bytes("a.jpg", &file, Curve::Srgb, &Limits::default()).unwrap();
-            assert_eq!(pipeline.find_sensor(&(&photo).into()), expected);
+            assert_eq!(taken_by(&(&photo).into()), Some(expected));
             let prepared = pipeline.prepare(developed);
             let digital = Digital::default();
             let restored = pipeline.restore(&mut devices, &prepared, &digital, &mut |_, _| {});
@@ -226,9 +200,34 @@ mod tests {
             assert_eq!(outcome.reason.contains("pattern of this camera's pixels"), is_turned);
             assert_eq!(outcome.verdict == Verdict::Untouched, is_turned);
         }
+        // A photo of any sensor is certified with that condition, and is returned if its result is
+        // not confirmed.
+        let light: Frame<Work> = Frame::from_fn(|c| tone.plane(c, codes.plane(c)));
+        let mut doubtful = pipeline.prepare(PhotoData::developed(&light, Channels::Colour));
+        let certificate = |residual_grey_levels| OpticalResidual {
+            residual_grey_levels,
+            floor_grey_levels: 1.0,
+            focus: CertifiedFocus::Photo,
+            of_any_sensor: false,
+        };
+        for (found, expected) in [(0.0, TakenBy::Either), (20.0, TakenBy::Own)] {
+            doubtful.sensor = Some(SensorMatch { found, expected: 1.0 });
+            assert_eq!(doubtful.taken_by(), Some(expected));
+            for (residual, confirmation) in [(1.0, Confirmation::Full), (4.0, Confirmation::Not)] {
+                let mut outcome = Outcome::untouched(light.clone(), "");
+                outcome.verdict = Verdict::Sound;
+                outcome.certificate = Some(certificate(residual));
+                let judged = pipeline.unless_rejected(&doubtful, outcome);
+                let is_rejected = expected == TakenBy::Either && confirmation == Confirmation::Not;
+                assert_eq!(judged.verdict == Verdict::Untouched, is_rejected);
+                let conditional = expected == TakenBy::Either && !is_rejected;
+                let wanted = if conditional { Confirmation::Unproven } else { confirmation };
+                assert_eq!(judged.confirmation(), (!is_rejected).then_some(wanted));
+            }
+        }
         // Where light is full there is no pattern to expect.
         let white = Frame::from_fn(|_| Plane::filled(SIZE, 255.0));
         let blank = PhotoData::developed(&white, Channels::Colour);
-        assert_eq!(pipeline.find_sensor(&blank), TakenBy::Either);
+        assert_eq!(taken_by(&blank), Some(TakenBy::Either));
     }
 }

@@ -45,7 +45,7 @@ impl Pipeline {
     /// `photo` (photo-sized) made ready for the methods.
     pub fn prepare<'a>(&self, photo: impl Into<PhotoData<'a>>) -> Prepared<'a> {
         let photo = photo.into();
-        let taken_by = self.find_sensor(&photo);
+        let sensor = self.match_sensor(&photo);
         let PhotoData { light, channels, recorded } = photo;
         let mut prepared = match recorded {
             Recorded::Developed => self.prepare_developed(light, channels),
@@ -61,8 +61,10 @@ impl Pipeline {
             }
             Recorded::Jpeg { coding, tone } => self.prepare_jpeg(light, channels, coding, tone),
         };
-        prepared.taken_by = taken_by;
-        self.fit_colours(&mut prepared);
+        prepared.sensor = sensor;
+        if prepared.taken_by() != Some(TakenBy::Another) {
+            self.fit_colours(&mut prepared);
+        }
         prepared
     }
 
@@ -268,7 +270,7 @@ impl Pipeline {
             focus: None,
             lens: None,
             is_of_sharper_lens: false,
-            taken_by: TakenBy::Either,
+            sensor: None,
             outliers: None,
             notes: Vec::new(),
             lens_alone: OnceLock::new(),

@@ -79,6 +79,7 @@ impl Restorer for Brightener {
             seconds: 0.5,
             certificate: Some(OpticalResidual {
                 focus: CertifiedFocus::Photo,
+                of_any_sensor: false,
                 residual_grey_levels: 1.0,
                 floor_grey_levels: 1.0,
             }),

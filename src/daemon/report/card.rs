@@ -174,12 +174,15 @@ fn describe_confirmation(report: &Report) -> Option<(&'static str, String)> {
     let (class, finding) = match certificate.confirmation() {
         Confirmation::Full => ("good", "matches your photo"),
         Confirmation::Noisy => ("fair", "matches your photo within its strong noise"),
+        Confirmation::Unproven => {
+            ("fair", "matches your photo, supposing that this camera took it")
+        }
         Confirmation::Nearly => ("fair", "nearly matches your photo"),
         Confirmation::Not => ("poor", "still differs from your photo"),
     };
     let again = match certificate.confirmation() {
         Confirmation::Full => "Confirmed: photographed",
-        Confirmation::Noisy => "Photographed",
+        Confirmation::Noisy | Confirmation::Unproven => "Photographed",
         Confirmation::Nearly => "Nearly confirmed: photographed",
         Confirmation::Not => "Not confirmed: photographed",
     };
@@ -297,6 +300,7 @@ mod tests {
             report.notes = vec!["noise of the photo: 1.20 grey levels".into()];
             report.certificate = certificate.map(|residual_grey_levels| OpticalResidual {
                 focus: CertifiedFocus::Photo,
+                of_any_sensor: false,
                 residual_grey_levels,
                 floor_grey_levels: 1.0,
             });
@@ -315,6 +319,7 @@ mod tests {
         let mut report = report(1);
         report.certificate = Some(OpticalResidual {
             focus: CertifiedFocus::Photo,
+            of_any_sensor: false,
             residual_grey_levels: 75.24,
             floor_grey_levels: 75.42,
         });
@@ -322,6 +327,17 @@ mod tests {
         assert!(!html.contains("certificate good") && html.contains("strong noise"), "{html}");
         // No pair of numbers in which the larger one is the better.
         assert!(!html.contains("75."), "{html}");
+    }
+
+    #[test]
+    fn agreement_is_no_confirmation_of_a_photo_of_any_sensor() {
+        let mut report = report(1);
+        let of = report.certificate.as_mut().unwrap();
+        of.of_any_sensor = true;
+        assert!(of.meaning().contains("supposing that this camera took it"));
+        let html = card_of(&report);
+        assert!(!html.contains("certificate good"), "{html}");
+        assert!(visible(&html).contains("supposing that this camera took it"), "{html}");
     }
 
     #[test]
@@ -334,7 +350,12 @@ mod tests {
             (1.6, CertifiedFocus::Panel, true),
             (4.0, CertifiedFocus::Panel, false),
         ] {
-            let of = OpticalResidual { residual_grey_levels, floor_grey_levels: 1.0, focus };
+            let of = OpticalResidual {
+                residual_grey_levels,
+                floor_grey_levels: 1.0,
+                focus,
+                of_any_sensor: false,
+            };
             report.certificate = Some(of);
             let html = card_of(&report);
             assert_eq!(visible(&html).contains(proviso), expected, "{of:?}");

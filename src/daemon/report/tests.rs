@@ -29,6 +29,7 @@ pub(super) fn report(n: u64) -> Report {
         seconds: 6.5,
         certificate: Some(OpticalResidual {
             focus: CertifiedFocus::Photo,
+            of_any_sensor: false,
             residual_grey_levels: 1.1,
             floor_grey_levels: 1.0,
         }),

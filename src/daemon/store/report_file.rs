@@ -228,9 +228,11 @@ mod tests {
             residual_grey_levels: 3.0,
             floor_grey_levels: 2.0,
             focus: CertifiedFocus::Panel,
+            of_any_sensor: false,
         };
         let written = serde_json::to_string(&of).unwrap();
-        let wanted = "{\"times-noise\":1.5,\"noise-grey-levels\":2.0,\"focus\":\"panel\"}";
+        let wanted = "{\"times-noise\":1.5,\"noise-grey-levels\":2.0,\"focus\":\"panel\",\
+             \"of-any-sensor\":false}";
         assert_eq!(written, wanted);
         assert_eq!(serde_json::from_str::<OpticalResidual>(&written).unwrap(), of);
     }

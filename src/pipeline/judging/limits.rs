@@ -10,9 +10,10 @@
 /// Optical residual over its floor up to which a photograph is the photo. Guess: about what the
 /// spread of a noise estimate explains.
 pub(in crate::pipeline) const CONFIRMED: f64 = 1.25;
-/// Optical residual over its floor up to which a photograph is nearly the photo. Guess: three parts
-/// of unexplained power to one of noise.
-pub(in crate::pipeline) const NEARLY_CONFIRMED: f64 = 2.0;
+/// Optical residual over its floor up to which a photograph is nearly the photo. Set on the limits
+/// (`truthful.toml`): sound results of own photos have 3.0 at most, the errors of a JPEG's coding
+/// being more than noise.
+pub(in crate::pipeline) const NEARLY_CONFIRMED: f64 = 3.0;
 /// Noise above which agreement shows little, grey levels. Guess: three times that of a photo at a
 /// sensor's highest useful gain.
 pub(in crate::pipeline) const NOISY_GREY_LEVELS: f64 = 12.0;
@@ -92,6 +93,9 @@ pub(in crate::pipeline) const NOTHING_BUT_NOISE: &str = "from pixel to pixel the
 pub(in crate::pipeline) const ANOTHER_SENSOR: &str = "the photo does not show the pattern of this \
     camera's pixels: another camera took it, or it was resized, turned or cut since; with \
     response-flats = 0 in the rig file and a new calibration, such photos are restored";
+pub(in crate::pipeline) const NOT_CONFIRMED: &str = "photographed through the lens again, its \
+    restoration differs from it, and the photo does not show the pattern of this camera's pixels: \
+    another camera may have taken it, or it is too small or too strongly compressed to tell";
 pub(in crate::pipeline) const SHARPER: &str = "the photo is far sharper than the measured lens \
     makes any, as a lens stopped down or another one does, and a restoration would overshoot; \
     calibrate at the aperture that you photograph with";

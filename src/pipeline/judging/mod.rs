@@ -136,8 +136,8 @@ impl Pipeline {
     pub(super) fn is_hopeless(&self, photo: &Prepared<'_>, seen: &Frame<Work>) -> bool {
         let channels = self.residuals(photo, seen);
         // Errors of a JPEG's coding pass for a fault, of which this sensor's photos have few.
-        let is_own_jpeg =
-            photo.taken_by == TakenBy::Own && photo.observation.sampling.kind() == DataKind::Jpeg;
+        let is_own_jpeg = photo.taken_by() == Some(TakenBy::Own)
+            && photo.observation.sampling.kind() == DataKind::Jpeg;
         let limit = if is_own_jpeg { CLEARLY_FOREIGN } else { FOREIGN };
         if unexplained_product(&channels) <= limit {
             return false;

@@ -14,7 +14,7 @@ use relens::chart::test_rig::TestPhoto;
 use relens::config::MethodName;
 use relens::frame::{Channels, Frame, Plane, Size, Work};
 use relens::picture::{Limits, Photo, Tone};
-use relens::pipeline::{Confirmation, Outcome, Verdict, method};
+use relens::pipeline::{Confirmation, Outcome, SensorMatch, Verdict, method};
 
 use super::groups::Group;
 use crate::Failure;
@@ -66,6 +66,14 @@ const BLURS: [(Blur, &str); 14] = [
     (Blur::Motion(5.0, 0.4), "motion"),
 ];
 
+/// How photos are kept: as a PNG, or as a JPEG. The last is not for photos of other lenses.
+const KEPT: [Option<Quality>; 4] = [
+    None,
+    Some(Quality { quality: 95, pixels: (1, 1) }),
+    Some(Quality { quality: 85, pixels: (2, 2) }),
+    Some(Quality { quality: 60, pixels: (2, 2) }),
+];
+
 /// The name of photos through the rig's lens.
 const OWN: &str = "own lens";
 
@@ -90,25 +98,34 @@ pub(crate) fn run(group: Group, rig: Option<&Path>, quick: bool) -> Result<Made,
     };
     let (file, calibration) = calibrated(&rig, &NOTHING, 0.0)?;
     let mut harness = Harness::changed(&file, &calibration, &NOTHING, 0.0)?;
-    let mut rows = String::from("view,blur,kept,verdict,certificate,reason\n");
+    let mut rows =
+        String::from("view,blur,kept,verdict,certificate,sensor found,sensor expected,reason\n");
     let mut all = Vec::new();
     let step = if quick { 5 } else { 1 };
     for (n, (view, blur, name)) in cases(group).into_iter().enumerate().step_by(step) {
         let codes = blurred(&harness, view, blur, group.seed() + n as u64);
-        let quality = [None, Some((95, 1)), Some((85, 2))][n / 2 % 3];
-        let outcome = restored(&mut harness, &codes, quality)?;
-        let line = [
-            view.map_or(String::new(), View::name),
-            format!("{blur:?}"),
-            quality.map_or("PNG".to_owned(), |(quality, _)| format!("JPEG {quality}")),
-            format!("{:?}", outcome.verdict),
-            outcome.certificate.map_or(String::new(), |of| format!("{:.2}", of.ratio())),
-            outcome.reason.clone(),
-        ];
-        let line = line.map(|cell| cell.replace(',', "")).join(",");
-        log::info!("{line}");
-        rows += &(line + "\n");
-        all.push((name, outcome));
+        let one = KEPT[n / 2 % 3];
+        let ways = if name == OWN { &KEPT } else { std::slice::from_ref(&one) };
+        for &kept in ways {
+            let (sensor, outcome) = restored(&mut harness, &codes, kept)?;
+            let of_sensor = |of: fn(&SensorMatch) -> f64| {
+                sensor.as_ref().map_or(String::new(), |sensor| format!("{:.1}", of(sensor)))
+            };
+            let line = [
+                view.map_or(String::new(), View::name),
+                format!("{blur:?}"),
+                kept.map_or("PNG".to_owned(), |Quality { quality, .. }| format!("JPEG {quality}")),
+                format!("{:?}", outcome.verdict),
+                outcome.certificate.map_or(String::new(), |of| format!("{:.2}", of.ratio())),
+                of_sensor(|sensor| sensor.found),
+                of_sensor(|sensor| sensor.expected),
+                outcome.reason.clone(),
+            ];
+            let line = line.map(|cell| cell.replace(',', "")).join(",");
+            log::info!("{line}");
+            rows += &(line + "\n");
+            all.push((name, outcome));
+        }
     }
     let mut made = Made::table(format!("foreign-{}", group.word()), table(group, &file.name, &all));
     made.files = vec![(format!("foreign-{}-results.csv", group.word()), rows.into_bytes())];
@@ -167,19 +184,18 @@ fn table(group: Group, rig: &str, all: &[(&'static str, Outcome)]) -> Table {
     table
 }
 
-/// What the box makes of the photo of `codes`, as a PNG or as a JPEG of this quality, its chroma at
-/// one of so many pixels across and down.
+/// What the box makes of the photo of `codes`, `kept` as a PNG or as a JPEG.
 fn restored(
     harness: &mut Harness,
     codes: &Frame<Work, u8>,
-    quality: Option<(u32, usize)>,
-) -> Result<Outcome, Failure> {
+    kept: Option<Quality>,
+) -> Result<(Option<SensorMatch>, Outcome), Failure> {
     let curve = harness.config().photo.curve;
     let solver = harness.method(&|rig| method(rig, MethodName::Hybrid));
     let (photo, plain);
-    let prepared = match quality {
-        Some((quality, pixels)) => {
-            let file = coded(codes, Quality { quality, pixels: (pixels, pixels) });
+    let prepared = match kept {
+        Some(quality) => {
+            let file = coded(codes, quality);
             photo = Photo::from_bytes("photo.jpg", &file, curve, &Limits::default())?;
             harness.test_rig.parts().0.prepare(&photo)
         }
@@ -189,7 +205,7 @@ fn restored(
             plain.prepared(harness.test_rig.parts().0, Channels::Colour)
         }
     };
-    Ok(harness.restore(&prepared, &*solver)?.outcome)
+    Ok((prepared.sensor, harness.restore(&prepared, &*solver)?.outcome))
 }
 
 /// The photo of a view, or a drawn one, as codes.
