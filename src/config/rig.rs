@@ -87,13 +87,14 @@ impl RigFile {
         let own = |size: Size| Size::new(by * size.width, by * size.height);
         let Rect { x, y, size } = self.photo_on_sensor();
         let photo = Rect { x: by * x, y: by * y, size: own(size) };
-        PhotoGrid { sensor: own(self.camera.size()), photo }
+        let shows_turn = self.calibration.response_flats > 0;
+        PhotoGrid { sensor: own(self.camera.size()), photo, shows_turn }
     }
 
     /// The rig with its camera's own pixels as those of the solver.
     #[must_use]
     pub fn unbinned(&self) -> RigFile {
-        let PhotoGrid { sensor, photo } = self.photo_grid();
+        let PhotoGrid { sensor, photo, .. } = self.photo_grid();
         let mut own = self.clone();
         own.canvas.margin_px *= own.camera.binning;
         (own.photo.width_px, own.photo.height_px) = (photo.size.width, photo.size.height);

@@ -73,12 +73,14 @@ pub struct PhotoGrid {
     pub sensor: Size,
     /// The restored part, inside the sensor.
     pub photo: Rect,
+    /// Whether the gain pattern of the sensor is known, which shows how the camera was turned.
+    pub shows_turn: bool,
 }
 
 /// All of the sensor.
 impl From<Size> for PhotoGrid {
     fn from(size: Size) -> PhotoGrid {
-        PhotoGrid { sensor: size, photo: Rect { x: 0, y: 0, size } }
+        PhotoGrid { sensor: size, photo: Rect { x: 0, y: 0, size }, shows_turn: false }
     }
 }
 
@@ -175,6 +177,11 @@ impl<T: Copy + Default> Plane<T> {
     pub fn update<U: Copy>(&mut self, other: &Plane<U>, mut change: impl FnMut(&mut T, U)) {
         debug_assert_eq!(self.size, other.size);
         self.data.iter_mut().zip(&other.data).for_each(|(own, &other)| change(own, other));
+    }
+
+    /// Turns the plane by half: the last pixel becomes the first.
+    pub fn turn_by_half(&mut self) {
+        self.data.reverse();
     }
 
     /// Copies the pixels in `rect`, which must lie inside the plane.

@@ -90,6 +90,11 @@ impl<S, T: Copy + Default> Frame<S, T> {
         pairs.for_each(|(own, other)| own.update(other, &mut change));
     }
 
+    /// Turns every plane by half.
+    pub fn turn_by_half(&mut self) {
+        self.planes.iter_mut().for_each(Plane::turn_by_half);
+    }
+
     /// Copies the pixels in `rect`, which must lie inside the frame.
     pub fn crop(&self, rect: Rect) -> Self {
         Self::from_fn(|c| self.plane(c).crop(rect))

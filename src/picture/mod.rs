@@ -9,7 +9,7 @@
 //! **Orientation.** The lens's field is fixed to the sensor, and cameras store pixels in the
 //! sensor's orientation with a tag. A photo is therefore restored as stored, and turned upright on
 //! writing, with the tag cleared. A photo stored upright in portrait leaves open how the camera was
-//! turned, and is refused by its shape.
+//! turned: the sensor's gain pattern shows it, and without that the photo is refused.
 //!
 //! **Alpha** is set aside, resampled with the photo, and written back.
 //!

@@ -15,6 +15,7 @@ use super::kind::{Content, Format, is_raw_name, misnamed, tiff_of_a_camera};
 use super::metadata::Lost;
 use super::reading::bytes_of;
 use super::tone::StatedColours;
+use super::turn::turn;
 use super::{
     CameraColours, ColorType, Flaw, Orientation, PhotoCamera, PictureError, Tone, exif, shape,
 };
@@ -90,6 +91,8 @@ pub struct Photo {
     pub manner: Manner,
     /// Width and height of the file's picture as stored, before any resampling.
     pub stored: Size,
+    /// Whether it was stored upright in portrait and is laid on one side of two.
+    pub is_side_guessed: bool,
     /// Its file.
     pub file: FileFacts,
     /// Notes on what a result lacks of the file: pixels, metadata. They do not hold where the file
@@ -192,6 +195,7 @@ impl Photo {
                 ..Manner::plain(Format::Tiff, 16, curve)
             },
             stored: raw.size,
+            is_side_guessed: false,
             file,
             losses: raw.lost.into_iter().map(Lost::note).collect(),
             notes: mosaic.is_none().then(|| note.to_owned()).into_iter().collect(),
@@ -226,6 +230,7 @@ impl Photo {
             channels: if is_grey { Channels::Green } else { Channels::Colour },
             manner: Manner { format, colour, tone, orientation, icc, exif, alpha, colours: None },
             stored: size,
+            is_side_guessed: false,
             file,
             losses: lost.into_iter().map(Lost::note).collect(),
             notes,
@@ -240,7 +245,11 @@ impl Photo {
     /// size.
     pub fn fit(mut self, grid: impl Into<PhotoGrid>) -> Result<Photo, PictureError> {
         let grid = grid.into();
-        let PhotoGrid { sensor, photo } = grid;
+        if self.raw.is_none() && shape::is_upright(self.light.size(), self.manner.orientation, grid)
+        {
+            self.lay_on_side();
+        }
+        let PhotoGrid { sensor, photo, .. } = grid;
         let (found, allowed) = (self.light.size(), photo.size);
         if found == allowed {
             let ours = self.camera.as_ref().is_some_and(|camera| camera.setting.is_some());
@@ -272,6 +281,26 @@ impl Photo {
         let note = format!("the photo was resampled from {found} to the rig's {allowed}{less}");
         self.losses.insert(0, note);
         Ok(self)
+    }
+
+    /// Lays a photo in portrait on its side, as if the camera had been turned clockwise.
+    fn lay_on_side(&mut self) {
+        let on_side = Orientation::Rotate270;
+        self.light = Frame::from_fn(|channel| turn(self.light.plane(channel), on_side));
+        self.manner.alpha = self.manner.alpha.as_ref().map(|alpha| turn(alpha, on_side));
+        self.manner.orientation = Orientation::Rotate90;
+        (self.stored, self.coding) = (self.light.size(), None);
+        self.is_side_guessed = true;
+    }
+
+    /// Turns the photo by half; its result has the same side up. A JPEG's coefficients are dropped.
+    pub fn turn_by_half(&mut self) {
+        // Tags 1 and 3, 2 and 4, 5 and 7, 6 and 8 of EXIF differ by half a turn.
+        let tag = ((self.manner.orientation.to_exif() - 1) ^ 2) + 1;
+        self.manner.orientation = Orientation::from_exif(tag).unwrap_or(Orientation::NoTransforms);
+        self.light.turn_by_half();
+        self.manner.alpha.iter_mut().for_each(Plane::turn_by_half);
+        self.coding = None;
     }
 
     fn cut(&mut self, rect: Rect) {

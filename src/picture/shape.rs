@@ -12,13 +12,24 @@ pub(super) fn same_shape(found: Size, allowed: Size) -> bool {
     2 * (fw * ah - fh * aw).abs() <= aw.max(ah)
 }
 
+fn fits(found: Size, grid: PhotoGrid) -> bool {
+    found == grid.sensor || same_shape(found, grid.photo.size)
+}
+
+/// Whether a developed photo of the size `found`, stored in `orientation`, is in portrait, its
+/// camera having been turned one way or the other, which the sensor's pattern shows.
+pub(super) fn is_upright(found: Size, orientation: Orientation, grid: PhotoGrid) -> bool {
+    let on_side = Size::new(found.height, found.width);
+    let is_stored_so = orientation == Orientation::NoTransforms && !fits(found, grid);
+    grid.shows_turn && is_stored_so && fits(on_side, grid)
+}
+
 /// Checks that a developed photo of the size `found`, stored in `orientation`, fits `grid`.
 pub(super) fn check(found: Size, orientation: Orientation, grid: PhotoGrid) -> Result<(), Flaw> {
-    let PhotoGrid { sensor, photo } = grid;
-    let allowed = photo.size;
-    if found == sensor || same_shape(found, allowed) {
+    if fits(found, grid) || is_upright(found, orientation, grid) {
         return Ok(());
     }
+    let allowed = grid.photo.size;
     let held = match same_shape(Size::new(found.height, found.width), allowed) {
         true if swaps(orientation) => " stored on its side",
         true => " in portrait, stored upright, which leaves open how the camera was turned",

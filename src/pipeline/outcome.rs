@@ -204,6 +204,12 @@ impl Outcome {
         }
     }
 
+    /// Turns all that is delivered by half.
+    pub fn turn_by_half(&mut self) {
+        self.picture.turn_by_half();
+        self.outliers.iter_mut().for_each(|outliers| outliers.weight.turn_by_half());
+    }
+
     /// What the photograph of a result confirms, if there is one.
     pub fn confirmation(&self) -> Option<Confirmation> {
         self.certificate.as_ref().map(OpticalResidual::confirmation)

@@ -16,7 +16,7 @@
 use rayon::prelude::*;
 
 use super::photo_data::{PhotoData, Recorded};
-use super::stages::SensorMatch;
+use super::stages::{SensorMatch, TakenBy};
 use super::{Pipeline, SATURATION_SHARE};
 use crate::calibration::SiteGains;
 use crate::config::Curve;
@@ -98,6 +98,11 @@ impl SensorMatch {
 }
 
 impl Pipeline {
+    /// Whether `photo` shows the pattern of the rig's sensor.
+    pub fn shows_sensor<'a>(&self, photo: impl Into<PhotoData<'a>>) -> bool {
+        self.match_sensor(&photo.into()).map(SensorMatch::taken_by) == Some(TakenBy::Own)
+    }
+
     /// How clearly `photo` shows the pattern of the rig's sensor, if that was measured.
     pub(super) fn match_sensor(&self, photo: &PhotoData<'_>) -> Option<SensorMatch> {
         let sites = self.correction.sites()?;
@@ -157,7 +162,6 @@ fn blocks_of(plane: &Plane, size: Size) -> Vec<LumaBlock> {
 mod tests {
     use std::path::Path;
 
-    use super::super::stages::TakenBy;
     use super::*;
     use crate::config;
     use crate::deconvolution::method::digital::Digital;

@@ -130,6 +130,11 @@ impl Prepared<'_> {
         self.sensor.map(SensorMatch::taken_by)
     }
 
+    /// Whether it shows the pattern of the rig's sensor.
+    pub fn shows_sensor(&self) -> bool {
+        self.taken_by() == Some(TakenBy::Own)
+    }
+
     /// The same photo, without findings on it.
     pub(super) fn unjudged(&self) -> Self {
         Prepared { lens_alone: OnceLock::new(), untouched: OnceLock::new(), ..self.clone() }

@@ -156,8 +156,27 @@ impl OnRig {
     }
 }
 
-impl Restorer for OnRig {
-    fn restore(
+/// Why a photo in portrait is returned.
+const UPRIGHT: &str = "the photo is stored upright, which leaves open how the camera was turned, \
+    and does not show the pattern of this camera's pixels, which would tell; drop it as the camera \
+    stored it, or as a photo in landscape";
+/// Note for a photo that was turned after it was taken.
+const TURNED: &str = "the photo was turned after it was taken, as the pattern of the camera's \
+    pixels shows: it is restored from its decoded pixels";
+
+impl OnRig {
+    /// `photo` turned by half, if the sensor's pattern shows that it was turned so.
+    fn turned_by_half(&self, photo: &Photo) -> Option<Photo> {
+        if photo.raw.is_some() || !self.config.photo_grid().shows_turn {
+            return None;
+        }
+        let mut turned = photo.clone();
+        turned.turn_by_half();
+        self.pipeline.shows_sensor(&turned).then_some(turned)
+    }
+
+    /// Restores `photo` with the sensor's site (0, 0) at its first pixel.
+    fn restore_as_stored(
         &mut self,
         photo: &Photo,
         progress: &mut dyn FnMut(Progress),
@@ -185,6 +204,9 @@ impl Restorer for OnRig {
             Some(binned) => self.pipeline.prepare(binned.data()),
             None => self.pipeline.prepare(photo),
         };
+        if photo.is_side_guessed && !prepared.shows_sensor() {
+            return Ok(Outcome::untouched(photo.light.clone(), UPRIGHT));
+        }
         let Restoration { mut outcome, .. } =
             self.pipeline.restore(&mut self.devices, &prepared, &*self.method, &mut watch)?;
         if photo.raw.is_some() {
@@ -204,6 +226,28 @@ impl Restorer for OnRig {
         drop(prepared);
         if let Some(binned) = &binned {
             binned.carry(&mut outcome, photo, noise);
+        }
+        Ok(outcome)
+    }
+}
+
+impl Restorer for OnRig {
+    fn restore(
+        &mut self,
+        photo: &Photo,
+        progress: &mut dyn FnMut(Progress),
+    ) -> Result<Outcome, AnyFailure> {
+        let mut outcome = self.restore_as_stored(photo, progress)?;
+        let mut is_turned = photo.is_side_guessed;
+        if outcome.verdict == Verdict::Untouched
+            && let Some(turned) = self.turned_by_half(photo)
+        {
+            outcome = self.restore_as_stored(&turned, progress)?;
+            outcome.turn_by_half();
+            is_turned = true;
+        }
+        if is_turned && outcome.verdict != Verdict::Untouched {
+            outcome.notes.push(TURNED.to_owned());
         }
         Ok(outcome)
     }

@@ -280,7 +280,7 @@ fn a_rotated_photo_is_restored_in_sensor_orientation_and_delivered_upright() {
         assert_eq!(result.manner.icc.as_ref(), Some(&icc));
         assert_eq!(result.manner.exif.as_ref().map(Vec::len), Some(exif.len()));
     }
-    // Stored upright, its rotation is unknown.
+    // Stored upright, its rotation is unknown where the sensor's pattern is.
     drop_in(root, "upright.png", &file(Format::Png, 8, Size::new(48, 64)));
     let failed = once(root).failed;
     assert!(failed[0].reason.contains("found 48×64 in portrait"), "{failed:?}");

@@ -18,6 +18,7 @@ mod nights;
 #[path = "../golden/npy.rs"]
 mod npy;
 mod operating_point;
+mod own_sensor;
 mod raw_file;
 mod raw_sites;
 mod restorer;

@@ -3,7 +3,7 @@
 // The other photographs of the laboratory are not used here.
 #[allow(dead_code)]
 #[path = "../lab/view.rs"]
-mod view;
+pub(crate) mod view;
 
 use std::io::Cursor;
 use std::sync::Arc;

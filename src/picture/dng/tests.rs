@@ -360,7 +360,11 @@ fn a_proposed_cut_of_the_rig_s_size_is_taken() {
         assert!(pairs.into_iter().all(|(a, b)| (a - b).abs() < 1e-3), "{c:?}");
     }
     // The rig's own place on the sensor counts more.
-    let rig = PhotoGrid { sensor: SIZE, photo: Rect { x: 2, y: 2, size: Size::new(20, 20) } };
+    let rig = PhotoGrid {
+        sensor: SIZE,
+        photo: Rect { x: 2, y: 2, size: Size::new(20, 20) },
+        shows_turn: false,
+    };
     assert_eq!(on(rig).unwrap().raw.unwrap().mosaic, Mosaic::Rggb);
     let other = on(Size::new(20, 20).into()).unwrap_err().to_string();
     assert!(other.contains("found 42×30 sites") && other.contains("TIFF of 16 bits"), "{other}");

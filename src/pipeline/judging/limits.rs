@@ -91,7 +91,7 @@ pub(in crate::pipeline) const NOTHING_BUT_NOISE: &str = "from pixel to pixel the
     much as anywhere, which no lens lets through; it is dithered, screened as in print, or hardly \
     anything but noise";
 pub(in crate::pipeline) const ANOTHER_SENSOR: &str = "the photo does not show the pattern of this \
-    camera's pixels: another camera took it, or it was resized, turned or cut since; with \
+    camera's pixels: another camera took it, or it was resized or cut since; with \
     response-flats = 0 in the rig file and a new calibration, such photos are restored";
 pub(in crate::pipeline) const NOT_CONFIRMED: &str = "photographed through the lens again, its \
     restoration differs from it, and the photo does not show the pattern of this camera's pixels: \

@@ -29,7 +29,7 @@ pub(super) use residuals::valid_pixels;
 pub use table::{Unit, WITNESSES, WitnessRow};
 pub use verdict::{Measures, harm, is_suspect};
 
-use super::stages::{LensAlone, Prepared, Solved, TakenBy};
+use super::stages::{LensAlone, Prepared, Solved};
 use super::{Outcome, Pipeline, Verdict};
 use crate::deconvolution::method::{Method, MethodError, NoOptics, Watch};
 use crate::deconvolution::observation::DataKind;
@@ -136,8 +136,8 @@ impl Pipeline {
     pub(super) fn is_hopeless(&self, photo: &Prepared<'_>, seen: &Frame<Work>) -> bool {
         let channels = self.residuals(photo, seen);
         // Errors of a JPEG's coding pass for a fault, of which this sensor's photos have few.
-        let is_own_jpeg = photo.taken_by() == Some(TakenBy::Own)
-            && photo.observation.sampling.kind() == DataKind::Jpeg;
+        let is_own_jpeg =
+            photo.shows_sensor() && photo.observation.sampling.kind() == DataKind::Jpeg;
         let limit = if is_own_jpeg { CLEARLY_FOREIGN } else { FOREIGN };
         if unexplained_product(&channels) <= limit {
             return false;

@@ -1,0 +1,110 @@
+//! The gain pattern of the rig's sensor in photos: turned since, or dark and noisy.
+
+use std::io::Cursor;
+use std::path::Path;
+use std::sync::Arc;
+
+use image::codecs::jpeg::JpegEncoder;
+use image::{DynamicImage, ImageFormat, RgbImage};
+use relens::calibration::store;
+use relens::chart::scenes::Scene;
+use relens::chart::test_rig::TestPhoto;
+use relens::config::{MethodName, RigFile};
+use relens::frame::{Channel, Channels, Frame, Plane, Size, Work};
+use relens::picture::{Photo, ReadOptions, Tone};
+use relens::pipeline::{Outcome, Pipeline, Verdict};
+use relens::restorer::Restorer;
+use relens::restorer::on_rig::OnRig;
+use relens::rig::simulated;
+
+use crate::restorer::view::View;
+use crate::{load, measured};
+
+/// A restorer of `rig` and a photo that its camera took, developed.
+fn restorer_and_photo(rig: &RigFile, slots: &Path) -> (OnRig, DynamicImage) {
+    store::save(slots, &measured(rig).unwrap()).unwrap();
+    let (devices, witness) = simulated::open(rig).unwrap();
+    let method = Some(MethodName::Digital);
+    let restorer =
+        OnRig::new(rig, devices, slots.to_owned(), method, Arc::new(|| 0.0), |_| {}).unwrap();
+    let view = View::whole(Scene::Coffee);
+    let tone = Tone::of_curve(rig.photo.curve, 8);
+    let codes = view.codes(rig.photo.size());
+    let rounded = |plane: &Plane| plane.map(|v: f32| v.round().clamp(0.0, 255.0) as u8);
+    let scene = Frame::from_fn(|c| tone.plane(c, &rounded(codes.plane(c))));
+    let taken = witness.photograph(&scene, view.number());
+    let size = rig.photo.size();
+    let picture = RgbImage::from_fn(size.width as u32, size.height as u32, |x, y| {
+        image::Rgb(Channel::ALL.map(|c| taken.plane(c).at(x as usize, y as usize)))
+    });
+    (restorer, picture.into())
+}
+
+/// What becomes of `picture`, and that upright.
+fn restored(
+    restorer: &mut OnRig,
+    rig: &RigFile,
+    picture: &DynamicImage,
+    is_jpeg: bool,
+) -> (Outcome, Frame<Work>) {
+    let mut bytes = Cursor::new(Vec::new());
+    match is_jpeg {
+        true => JpegEncoder::new_with_quality(&mut bytes, 95).encode_image(picture).unwrap(),
+        false => picture.write_to(&mut bytes, ImageFormat::Png).unwrap(),
+    }
+    let photo: Photo = ReadOptions::of(rig).photo_of_bytes("a", bytes.get_ref()).unwrap();
+    let outcome = restorer.restore(&photo, &mut |_| {}).unwrap();
+    let upright = photo.for_display(&outcome.picture);
+    (outcome, upright)
+}
+
+/// `picture` turned clockwise.
+fn clockwise(picture: &Frame<Work>) -> Frame<Work> {
+    Frame::from_fn(|c| {
+        let plane = picture.plane(c);
+        let (width, height) = (plane.width(), plane.height());
+        let size = Size::new(height, width);
+        Plane::from_fn(size, |x, y| plane.at(y, height - 1 - x))
+    })
+}
+
+#[test]
+fn a_turned_photo_is_restored_as_it_was_taken() {
+    let rig = load("truthful.toml");
+    let slots = tempfile::tempdir().unwrap();
+    let (mut restorer, photo) = restorer_and_photo(&rig, slots.path());
+    let (outcome, mut wanted) = restored(&mut restorer, &rig, &photo, false);
+    assert_eq!(outcome.verdict, Verdict::Sound);
+    assert!(!outcome.notes.iter().any(|note| note.contains("turned after")), "{outcome:?}");
+    let mut turned = photo;
+    for quarter in 1..4 {
+        (turned, wanted) = (turned.rotate90(), clockwise(&wanted));
+        let (outcome, seen) = restored(&mut restorer, &rig, &turned, false);
+        assert_eq!(outcome.verdict, Verdict::Sound, "{quarter}: {}", outcome.reason);
+        assert!(outcome.notes.iter().any(|note| note.contains("turned after")), "{quarter}");
+        assert!(seen == wanted, "{quarter}");
+        let (outcome, _) = restored(&mut restorer, &rig, &turned, true);
+        assert_eq!(outcome.verdict, Verdict::Sound, "{quarter}: {}", outcome.reason);
+    }
+    // Another sensor's photo in portrait is returned as it was.
+    let mirrored = turned.fliph();
+    let (outcome, seen) = restored(&mut restorer, &rig, &mirrored, false);
+    assert_eq!(outcome.verdict, Verdict::Untouched);
+    assert!(outcome.reason.contains("stored upright"), "{}", outcome.reason);
+    assert_eq!(seen.size().width, rig.photo.size().height);
+}
+
+#[test]
+fn noise_is_not_expected_to_show_the_pattern() {
+    let rig = load("truthful.toml");
+    let pipeline = Pipeline::new(&rig, &measured(&rig).unwrap()).unwrap();
+    let (_, witness) = simulated::open(&rig).unwrap();
+    witness.change_sensor(|sensor| sensor.read_noise_levels = 16.0);
+    let squares = |x, y| 2.0 + 2.0 * ((x / 16 + y / 16) % 2) as f32;
+    let dark = Frame::from_fn(|_| Plane::from_fn(rig.photo.size(), squares));
+    let photo = TestPhoto::taken(&witness, rig.photo.curve, &dark, 3);
+    let sensor = photo.prepared(&pipeline, Channels::Colour).sensor.unwrap();
+    println!("{sensor:?}");
+    // Both in standard errors.
+    assert!((sensor.found - sensor.expected).abs() < 3.0, "{sensor:?}");
+}
