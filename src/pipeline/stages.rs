@@ -13,7 +13,8 @@ use crate::frame::{Frame, Work, once};
 
 /// Expected z from which a photo without the pattern is another sensor's. Own photos of the limits,
 /// down to JPEGs of quality 60, have 1.4 times what is expected on average, with a standard error
-/// of 1: 0.4 % of those with this much have less than half.
+/// of 1: 0.4 % of those with this much have less than half. Raised from 2.5 for an own photo of the
+/// rates.
 const EXPECTED_MIN: f64 = 3.0;
 /// z from which a photo has the pattern, whatever is expected. Of 215 photos of other sensors z is
 /// 3.1 at most (limits).

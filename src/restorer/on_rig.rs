@@ -172,11 +172,17 @@ impl OnRig {
         }
         let mut turned = photo.clone();
         turned.turn_by_half();
-        self.pipeline.shows_sensor(&turned).then_some(turned)
+        let by = self.config.camera.binning;
+        let shows_sensor = match by {
+            1 => self.pipeline.shows_sensor(&turned),
+            _ => self.pipeline.shows_sensor(BinnedPhoto::of(&turned, by).data()),
+        };
+        shows_sensor.then_some(turned)
     }
+}
 
-    /// Restores `photo` with the sensor's site (0, 0) at its first pixel.
-    fn restore_as_stored(
+impl Restorer for OnRig {
+    fn restore(
         &mut self,
         photo: &Photo,
         progress: &mut dyn FnMut(Progress),
@@ -204,6 +210,16 @@ impl OnRig {
             Some(binned) => self.pipeline.prepare(binned.data()),
             None => self.pipeline.prepare(photo),
         };
+        if !prepared.shows_sensor()
+            && let Some(turned) = self.turned_by_half(photo)
+        {
+            let mut outcome = self.restore(&turned, progress)?;
+            outcome.turn_by_half();
+            if outcome.verdict != Verdict::Untouched && !photo.is_side_guessed {
+                outcome.notes.push(TURNED.to_owned());
+            }
+            return Ok(outcome);
+        }
         if photo.is_side_guessed && !prepared.shows_sensor() {
             return Ok(Outcome::untouched(photo.light.clone(), UPRIGHT));
         }
@@ -214,6 +230,7 @@ impl OnRig {
         }
         outcome.notes.extend_from_slice(&prepared.notes);
         if outcome.verdict != Verdict::Untouched {
+            outcome.notes.extend(photo.is_side_guessed.then(|| TURNED.to_owned()));
             outcome.notes.extend(self.remove_vignetting(&mut outcome.picture));
             let solved = binned.as_ref().map_or(&photo.light, |binned| &binned.light);
             let pair = [solved, &outcome.picture].map(|light| photo.for_display(light));
@@ -226,28 +243,6 @@ impl OnRig {
         drop(prepared);
         if let Some(binned) = &binned {
             binned.carry(&mut outcome, photo, noise);
-        }
-        Ok(outcome)
-    }
-}
-
-impl Restorer for OnRig {
-    fn restore(
-        &mut self,
-        photo: &Photo,
-        progress: &mut dyn FnMut(Progress),
-    ) -> Result<Outcome, AnyFailure> {
-        let mut outcome = self.restore_as_stored(photo, progress)?;
-        let mut is_turned = photo.is_side_guessed;
-        if outcome.verdict == Verdict::Untouched
-            && let Some(turned) = self.turned_by_half(photo)
-        {
-            outcome = self.restore_as_stored(&turned, progress)?;
-            outcome.turn_by_half();
-            is_turned = true;
-        }
-        if is_turned && outcome.verdict != Verdict::Untouched {
-            outcome.notes.push(TURNED.to_owned());
         }
         Ok(outcome)
     }

@@ -5,18 +5,19 @@ use std::path::Path;
 use std::sync::Arc;
 
 use image::codecs::jpeg::JpegEncoder;
-use image::{DynamicImage, ImageFormat, RgbImage};
+use image::{DynamicImage, ImageFormat};
 use relens::calibration::store;
 use relens::chart::scenes::Scene;
 use relens::chart::test_rig::TestPhoto;
 use relens::config::{MethodName, RigFile};
-use relens::frame::{Channel, Channels, Frame, Plane, Size, Work};
-use relens::picture::{Photo, ReadOptions, Tone};
+use relens::frame::{Channels, Frame, Plane, Size, Work};
+use relens::picture::{Photo, ReadOptions};
 use relens::pipeline::{Outcome, Pipeline, Verdict};
 use relens::restorer::Restorer;
 use relens::restorer::on_rig::OnRig;
 use relens::rig::simulated;
 
+use crate::restorer::developed;
 use crate::restorer::view::View;
 use crate::{load, measured};
 
@@ -27,16 +28,7 @@ fn restorer_and_photo(rig: &RigFile, slots: &Path) -> (OnRig, DynamicImage) {
     let method = Some(MethodName::Digital);
     let restorer =
         OnRig::new(rig, devices, slots.to_owned(), method, Arc::new(|| 0.0), |_| {}).unwrap();
-    let view = View::whole(Scene::Coffee);
-    let tone = Tone::of_curve(rig.photo.curve, 8);
-    let codes = view.codes(rig.photo.size());
-    let rounded = |plane: &Plane| plane.map(|v: f32| v.round().clamp(0.0, 255.0) as u8);
-    let scene = Frame::from_fn(|c| tone.plane(c, &rounded(codes.plane(c))));
-    let taken = witness.photograph(&scene, view.number());
-    let size = rig.photo.size();
-    let picture = RgbImage::from_fn(size.width as u32, size.height as u32, |x, y| {
-        image::Rgb(Channel::ALL.map(|c| taken.plane(c).at(x as usize, y as usize)))
-    });
+    let picture = developed(rig, &witness, View::whole(Scene::Coffee));
     (restorer, picture.into())
 }
 

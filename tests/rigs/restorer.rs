@@ -8,6 +8,7 @@ pub(crate) mod view;
 use std::io::Cursor;
 use std::sync::Arc;
 
+use image::RgbImage;
 use relens::calibration::store;
 use relens::chart::scenes::Scene;
 use relens::config::RigFile;
@@ -15,10 +16,23 @@ use relens::frame::{Channel, Frame, Plane};
 use relens::picture::{Limits, Photo, Tone};
 use relens::restorer::Restorer;
 use relens::restorer::on_rig::OnRig;
-use relens::rig::simulated;
+use relens::rig::simulated::{self, Witness};
 use view::View;
 
 use crate::{load, measured};
+
+/// A photo of `view` that the camera of `rig` took, developed.
+pub(crate) fn developed(rig: &RigFile, witness: &Witness, view: View) -> RgbImage {
+    let tone = Tone::of_curve(rig.photo.curve, 8);
+    let codes = view.codes(rig.photo.size());
+    let rounded = |plane: &Plane| plane.map(|v: f32| v.round().clamp(0.0, 255.0) as u8);
+    let scene = Frame::from_fn(|c| tone.plane(c, &rounded(codes.plane(c))));
+    let taken = witness.photograph(&scene, view.number());
+    let size = rig.photo.size();
+    RgbImage::from_fn(size.width as u32, size.height as u32, |x, y| {
+        image::Rgb(Channel::ALL.map(|c| taken.plane(c).at(x as usize, y as usize)))
+    })
+}
 
 /// Progress reported while a photo of `view` is restored on `rig`.
 fn progress(rig: &RigFile, view: View) -> Vec<f32> {
@@ -27,15 +41,7 @@ fn progress(rig: &RigFile, view: View) -> Vec<f32> {
     let (devices, witness) = simulated::open(rig).unwrap();
     let slots = folder.path().to_owned();
     let mut restorer = OnRig::new(rig, devices, slots, None, Arc::new(|| 0.0), |_| {}).unwrap();
-    let tone = Tone::of_curve(rig.photo.curve, 8);
-    let codes = view.codes(rig.photo.size());
-    let rounded = |plane: &Plane| plane.map(|v: f32| v.round().clamp(0.0, 255.0) as u8);
-    let scene = Frame::from_fn(|c| tone.plane(c, &rounded(codes.plane(c))));
-    let taken = witness.photograph(&scene, view.number());
-    let size = rig.photo.size();
-    let picture = image::RgbImage::from_fn(size.width as u32, size.height as u32, |x, y| {
-        image::Rgb(Channel::ALL.map(|c| taken.plane(c).at(x as usize, y as usize)))
-    });
+    let picture = developed(rig, &witness, view);
     let mut bytes = Cursor::new(Vec::new());
     picture.write_to(&mut bytes, image::ImageFormat::Png).unwrap();
     let limits = Limits::default();
