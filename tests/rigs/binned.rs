@@ -45,6 +45,11 @@ fn restored(folder: &Path, binning: usize) -> Vec<(Photo, Outcome, [f64; 2])> {
     let slots = folder.join(format!("slots-{binning}"));
     rig.calibrate(&slots).unwrap();
     let mut restorer = rig.restorer(&slots).unwrap();
+    let mut turned = photos[1].clone();
+    turned.turn_by_half();
+    let outcome = restorer.restore(&turned).unwrap();
+    let is_known = outcome.notes.iter().any(|note| note.contains("turned after"));
+    assert!(is_known, "{binning}: {}", outcome.reason);
     let file = config::load(&path).unwrap();
     let (_, witness) = simulated::open(&file).unwrap();
     let sharp = Photo::read(Path::new(SCENE), Curve::Srgb, &Limits::default()).unwrap().in_colour();
