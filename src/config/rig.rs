@@ -87,8 +87,8 @@ impl RigFile {
         let own = |size: Size| Size::new(by * size.width, by * size.height);
         let Rect { x, y, size } = self.photo_on_sensor();
         let photo = Rect { x: by * x, y: by * y, size: own(size) };
-        let shows_turn = self.calibration.response_flats > 0;
-        PhotoGrid { sensor: own(self.camera.size()), photo, shows_turn }
+        let pattern_px = (self.calibration.response_flats > 0).then_some(by);
+        PhotoGrid { sensor: own(self.camera.size()), photo, pattern_px }
     }
 
     /// The rig with its camera's own pixels as those of the solver.

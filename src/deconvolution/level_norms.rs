@@ -238,7 +238,7 @@ mod tests {
     fn means_over_squares_pass_a_share_of_each_level() {
         let model = model();
         let own = LevelNorms::measure(&model, Channel::Green, 3, 20, 1).binned();
-        let binned = model.binned(0).unwrap();
+        let binned = model.binned().unwrap();
         let measured = LevelNorms::measure(&binned, Channel::Green, 2, 20, 1);
         for level in 0..=2 {
             let times = measured.at(level) / own.at(level);

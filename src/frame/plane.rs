@@ -55,6 +55,14 @@ impl Rect {
         })
     }
 
+    /// Whether all of `part` is in it.
+    pub fn contains(self, part: Rect) -> bool {
+        let within = |inner: Range<usize>, outer: Range<usize>| {
+            inner.start >= outer.start && inner.end <= outer.end
+        };
+        within(part.columns(), self.columns()) && within(part.rows(), self.rows())
+    }
+
     /// Its columns.
     pub fn columns(self) -> Range<usize> {
         self.x..self.x + self.size.width
@@ -73,14 +81,15 @@ pub struct PhotoGrid {
     pub sensor: Size,
     /// The restored part, inside the sensor.
     pub photo: Rect,
-    /// Whether the gain pattern of the sensor is known, which shows how the camera was turned.
-    pub shows_turn: bool,
+    /// Side of the squares of pixels whose gain pattern is known, which shows how the camera was
+    /// turned and what part of the sensor a photo is; `None` where it was not measured.
+    pub pattern_px: Option<usize>,
 }
 
 /// All of the sensor.
 impl From<Size> for PhotoGrid {
     fn from(size: Size) -> PhotoGrid {
-        PhotoGrid { sensor: size, photo: Rect { x: 0, y: 0, size }, shows_turn: false }
+        PhotoGrid { sensor: size, photo: Rect { x: 0, y: 0, size }, pattern_px: None }
     }
 }
 

@@ -237,8 +237,8 @@ impl Photo {
         }
     }
 
-    /// The photo on the rig's grid: itself, its part of the whole sensor, or resampled when it has
-    /// the same shape at another size.
+    /// The photo on the rig's grid: itself, also where it is a part of that, its part of the whole
+    /// sensor, or resampled when it has the same shape at another size.
     ///
     /// # Errors
     /// [`Flaw::Shape`] when its shape is another, [`Flaw::RawSize`] when it is raw and of another
@@ -259,6 +259,9 @@ impl Photo {
                      were taken for the rig's photo"
                 ));
             }
+            return Ok(self);
+        }
+        if self.raw.is_none() && shape::is_part(found, grid) {
             return Ok(self);
         }
         // The coefficients are the whole picture's.

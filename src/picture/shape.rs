@@ -13,7 +13,20 @@ pub(super) fn same_shape(found: Size, allowed: Size) -> bool {
 }
 
 fn fits(found: Size, grid: PhotoGrid) -> bool {
-    found == grid.sensor || same_shape(found, grid.photo.size)
+    found == grid.sensor || same_shape(found, grid.photo.size) || is_part(found, grid)
+}
+
+/// Whether a developed photo of the size `found` may be a part of the rig's photos as wide or as
+/// high as they are, as cameras cut them to 3:2, 16:9 and squares; the sensor's pattern shows which
+/// part.
+pub(super) fn is_part(found: Size, grid: PhotoGrid) -> bool {
+    let (Some(square), Size { width, height }) = (grid.pattern_px, grid.photo.size) else {
+        return false;
+    };
+    let is_whole = found.width == width || found.height == height;
+    let is_within = found.width <= width && found.height <= height;
+    let has_squares = found.width.is_multiple_of(square) && found.height.is_multiple_of(square);
+    is_whole && is_within && has_squares && !same_shape(found, grid.photo.size)
 }
 
 /// Whether a developed photo of the size `found`, stored in `orientation`, is in portrait, its
@@ -21,7 +34,7 @@ fn fits(found: Size, grid: PhotoGrid) -> bool {
 pub(super) fn is_upright(found: Size, orientation: Orientation, grid: PhotoGrid) -> bool {
     let on_side = Size::new(found.height, found.width);
     let is_stored_so = orientation == Orientation::NoTransforms && !fits(found, grid);
-    grid.shows_turn && is_stored_so && fits(on_side, grid)
+    grid.pattern_px.is_some() && is_stored_so && fits(on_side, grid)
 }
 
 /// Checks that a developed photo of the size `found`, stored in `orientation`, fits `grid`.

@@ -8,7 +8,7 @@ use crate::calibration::{Calibration, OperatorNorms, OtherFocus};
 use crate::deconvolution::colour_focus::ColourFocus;
 use crate::deconvolution::focus::{FocusData, FocusSeries, FoundFocus};
 use crate::deconvolution::lens_model::LensFunctions;
-use crate::frame::Channel;
+use crate::frame::{Channel, Rect};
 
 /// The lens as measured at several focus offsets, the panel's included; empty where it was measured
 /// at the panel's alone.
@@ -55,14 +55,16 @@ impl Pipeline {
         noise: &(dyn Fn(Channel, f32) -> f32 + Sync),
     ) {
         let Some(series) = self.focuses.series() else { return };
-        let Some(found) = series.find(&photo.focus_data(noise)) else { return };
+        let Some(found) = series.find(&photo.focus_data(self.lens.model.field(), noise)) else {
+            return;
+        };
         let FoundFocus { offset, between: (before, after), share, at_end } = found;
         let [before, after] = [before, after].map(|n| &self.focuses.0[n]);
         let functions = before.functions.between(&after.functions, share);
         let norms = before.norms.or_larger(&after.norms);
         let at_sites = before.at_sites.as_ref().zip(after.at_sites.as_ref());
         let at_sites = at_sites.map(|(before, after)| before.or_larger(after));
-        photo.lens = self.lens_with(photo, &functions, norms, at_sites);
+        photo.lens = self.lens_with(&functions, norms, at_sites);
         photo.focus = photo.lens.is_some().then_some(PhotoFocus { offset, at_end });
     }
 
@@ -77,7 +79,7 @@ impl Pipeline {
         let norms = bounds(&lens.norms);
         let at_sites = observation.sampling.mosaic().map(|_| bounds(lens.norms_at_sites()));
         let functions = colours.functions(lens.model.functions());
-        let Some(mut lens) = self.lens_with(photo, &functions, norms, at_sites) else { return };
+        let Some(mut lens) = self.lens_with(&functions, norms, at_sites) else { return };
         let halos = colours.halos(&self.halos);
         if let Ok(model) = Arc::unwrap_or_clone(lens.model).with_broad_light(&halos, self.beyond) {
             lens.model = Arc::new(model);
@@ -85,16 +87,14 @@ impl Pipeline {
         }
     }
 
-    /// The lens of `photo` with `functions`, whose norms are at most `norms`, at sites `at_sites`.
+    /// The lens with `functions`, whose norms are at most `norms`, at sites `at_sites`.
     fn lens_with(
         &self,
-        photo: &Prepared<'_>,
         functions: &LensFunctions,
         norms: OperatorNorms,
         at_sites: Option<OperatorNorms>,
     ) -> Option<BoundedLens> {
-        let rect = photo.observation.rect;
-        let model = self.lens.model.with_functions(rect.size, rect.x, functions).ok()?;
+        let model = self.lens.model.with_functions(functions).ok()?;
         Some(BoundedLens {
             model: Arc::new(model),
             norms,
@@ -104,15 +104,17 @@ impl Pipeline {
 }
 
 impl Prepared<'_> {
-    /// The data for its spectra, with `noise` σ at a light.
+    /// The data for its spectra, with the `field` of the lens and `noise` σ at a light.
     pub(super) fn focus_data<'a>(
         &'a self,
+        field: Rect,
         noise: &'a (dyn Fn(Channel, f32) -> f32 + Sync),
     ) -> FocusData<'a> {
         FocusData {
             photo: &self.observation.light,
             trust: &self.observation.trust,
             rect: self.observation.rect,
+            field,
             mosaic: self.observation.sampling.mosaic(),
             channels: self.observation.channels,
             noise,

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::Pipeline;
 use super::judging::Evidence;
-use super::judging::limits::{ANOTHER_SENSOR, NOT_CONFIRMED, NOTHING_BUT_NOISE, SHARPER};
+use super::judging::limits::{ANOTHER_SENSOR, NOT_CONFIRMED, NOTHING_BUT_NOISE, SHARPER, UNPLACED};
 use super::optical_residual::{CertifiedFocus, Confirmation, OpticalResidual};
 use super::outliers::Outliers;
 use super::stages::{Prepared, Solved, TakenBy};
@@ -113,6 +113,9 @@ impl Pipeline {
         }
         if photo.taken_by() == Some(TakenBy::Another) {
             return Some(ANOTHER_SENSOR);
+        }
+        if !photo.is_placed(self.lens.model.field()) {
+            return Some(UNPLACED);
         }
         photo.is_of_sharper_lens.then_some(SHARPER)
     }

@@ -20,7 +20,6 @@ use super::stages::{SensorMatch, TakenBy};
 use super::{Pipeline, SATURATION_SHARE};
 use crate::calibration::SiteGains;
 use crate::config::Curve;
-use crate::deconvolution::data_term;
 use crate::deconvolution::smoothing::mean_around;
 use crate::frame::block_transform::{cosines, transform};
 use crate::frame::{BLOCK_AREA, BLOCK_PX, Channel, FULL_SCALE, Frame, Plane, Rect, Size, Work};
@@ -38,6 +37,8 @@ const LEAST_POWER: f32 = 0.5;
 /// Pixels on each side of a mean of the light. With none, a raw photo of a dark scene with 16 grey
 /// levels of noise is another sensor's; those of the limits lose 1 % of z.
 const MEAN_PX: usize = 2;
+/// Places of a part of the sensor that are tried in full. Guess.
+const PLACES_TRIED: usize = 4;
 
 /// A block's coefficients.
 type LumaBlock = [f32; BLOCK_AREA];
@@ -97,17 +98,30 @@ impl SensorMatch {
     }
 }
 
+/// The place of a photo on the canvas.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct FoundPhoto {
+    pub(super) rect: Rect,
+    /// How clearly it shows the pattern of the rig's sensor there, if that was measured.
+    pub(super) sensor: Option<SensorMatch>,
+}
+
 impl Pipeline {
     /// Whether `photo` shows the pattern of the rig's sensor.
     pub fn shows_sensor<'a>(&self, photo: impl Into<PhotoData<'a>>) -> bool {
-        self.match_sensor(&photo.into()).map(SensorMatch::taken_by) == Some(TakenBy::Own)
+        let sensor = self.find_on_sensor(&photo.into()).sensor;
+        sensor.map(SensorMatch::taken_by) == Some(TakenBy::Own)
     }
 
-    /// How clearly `photo` shows the pattern of the rig's sensor, if that was measured.
-    pub(super) fn match_sensor(&self, photo: &PhotoData<'_>) -> Option<SensorMatch> {
-        let sites = self.correction.sites()?;
-        let (_, rect) =
-            data_term::canvas_of(photo.light.size(), self.correction.layout().margin_px);
+    /// The place of `photo`: of one smaller than the rig's, that where it shows the sensor's
+    /// pattern most clearly, or in the middle if the pattern was not measured.
+    pub(super) fn find_on_sensor(&self, photo: &PhotoData<'_>) -> FoundPhoto {
+        let (field, size) = (self.lens.model.field(), photo.light.size());
+        let (across, down) = (field.size.width - size.width, field.size.height - size.height);
+        let middle = Rect { x: field.x + across / 2, y: field.y + down / 2, size };
+        let Some(sites) = self.correction.sites() else {
+            return FoundPhoto { rect: middle, sensor: None };
+        };
         let usual;
         let tone = match photo.recorded {
             Recorded::Jpeg { tone, .. } => tone,
@@ -116,10 +130,58 @@ impl Pipeline {
                 &usual
             }
         };
-        let found = SensorMatch::of(photo.light, tone, sites, rect);
+        let places = match across + down {
+            0 => vec![field],
+            _ => likely_places(photo.light, tone, sites, field),
+        };
+        let matches = places.into_iter().map(|rect| {
+            let found = SensorMatch::of(photo.light, tone, sites, rect);
+            FoundPhoto { rect, sensor: Some(found) }
+        });
+        let z = |found: &FoundPhoto| found.sensor.map_or(0.0, |sensor| sensor.found);
+        let found = matches.max_by(|a, b| z(a).total_cmp(&z(b)));
+        let found = found.unwrap_or(FoundPhoto { rect: middle, sensor: None });
         log::debug!("the sensor's gain pattern in the photo: {found:.1?}");
-        Some(found)
+        found
     }
+}
+
+/// The places in `field` where the details of `photo` have most of the gain pattern of `sites`.
+fn likely_places(photo: &Frame<Work>, tone: &Tone, sites: &SiteGains, field: Rect) -> Vec<Rect> {
+    let size = photo.size();
+    let mut codes = Plane::zeros(size);
+    for (c, weight) in Channel::ALL.into_iter().zip(LUMA) {
+        codes.add_scaled(weight, &tone.display(c, photo.plane(c)));
+    }
+    let means = mean_around(&codes, 1);
+    codes.update(&means, |code, mean| *code -= mean);
+    let powers = mean_around(&codes.map(|v: f32| v * v), BLOCK_PX / 2);
+    codes.update(&powers, |code, power| *code /= power + LEAST_POWER);
+    // What a gain of 2 adds to the codes, times these details.
+    let weighted = Channel::ALL.map(|c| {
+        let weight = LUMA[c.index()];
+        let mut added = added_codes(photo.plane(c), tone, c, Plane::filled(size, weight));
+        added.update(&codes, |added, code| *added *= code);
+        (added, sites.deviations(c, field))
+    });
+    let rows = 0..=field.size.height - size.height;
+    let places = rows.flat_map(|y| (0..=field.size.width - size.width).map(move |x| (x, y)));
+    let places: Vec<(usize, usize)> = places.collect();
+    let product = |&(x, y): &(usize, usize)| -> f32 {
+        let row = |n: usize| {
+            let of = |(added, pattern): &(Plane, Plane)| {
+                let pattern = &pattern.row(y + n)[x..];
+                added.row(n).iter().zip(pattern).map(|(a, b)| a * b).sum::<f32>()
+            };
+            weighted.iter().map(of).sum::<f32>()
+        };
+        (0..size.height).map(row).sum()
+    };
+    let products: Vec<f32> = places.par_iter().map(product).collect();
+    let mut order: Vec<usize> = (0..places.len()).collect();
+    order.sort_by(|&a, &b| products[b].total_cmp(&products[a]));
+    let rect = |&n: &usize| Rect { x: field.x + places[n].0, y: field.y + places[n].1, size };
+    order.iter().take(PLACES_TRIED).map(rect).collect()
 }
 
 /// What gains 1 + `deviations` add to the codes of one channel of `photo`, by `tone`; 0 where it is
@@ -188,8 +250,9 @@ mod tests {
         let (mut devices, witness) = open(&config).unwrap();
         let calibration = calibrate(&mut devices, &config, None, &mut to_the_end).unwrap();
         let pipeline = Pipeline::new(&config, &calibration).unwrap();
-        let taken_by =
-            |photo: &PhotoData<'_>| pipeline.match_sensor(photo).map(SensorMatch::taken_by);
+        let taken_by = |photo: &PhotoData<'_>| {
+            pipeline.find_on_sensor(photo).sensor.map(SensorMatch::taken_by)
+        };
         let tone = Tone::of_curve(Curve::Srgb, 8);
         let codes = witness.photograph(&Frame::from_fn(scene), 3);
         // Turned, the sites of the sensor are at other places.

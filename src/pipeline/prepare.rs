@@ -20,6 +20,7 @@ use std::borrow::Cow;
 use std::sync::{Arc, OnceLock};
 
 use super::Pipeline;
+use super::own_sensor::FoundPhoto;
 use super::photo_data::{PhotoData, Recorded};
 use super::raw_noise::{AVERAGED_MIN, plausible_noise};
 use super::stages::{Prepared, TakenBy};
@@ -45,21 +46,23 @@ impl Pipeline {
     /// `photo` (photo-sized) made ready for the methods.
     pub fn prepare<'a>(&self, photo: impl Into<PhotoData<'a>>) -> Prepared<'a> {
         let photo = photo.into();
-        let sensor = self.match_sensor(&photo);
+        let FoundPhoto { rect, sensor } = self.find_on_sensor(&photo);
         let PhotoData { light, channels, recorded } = photo;
         let mut prepared = match recorded {
-            Recorded::Developed => self.prepare_developed(light, channels),
-            Recorded::Raw(raw) => self.prepare_raw(light, raw),
+            Recorded::Developed => self.prepare_developed(light, channels, rect),
+            Recorded::Raw(raw) => self.prepare_raw(light, raw, rect),
             Recorded::Binned { saturated, raw } => {
                 let mut prepared = match raw {
-                    Some(raw) => self.prepare_binned_sites(light, raw),
-                    None => self.prepare_developed(light, channels),
+                    Some(raw) => self.prepare_binned_sites(light, raw, rect),
+                    None => self.prepare_developed(light, channels, rect),
                 };
-                let Observation { trust, rect, .. } = &mut prepared.observation;
-                mark_saturated(trust, *rect, saturated);
+                mark_saturated(&mut prepared.observation.trust, rect, saturated);
                 prepared
             }
-            Recorded::Jpeg { coding, tone } => self.prepare_jpeg(light, channels, coding, tone),
+            Recorded::Jpeg { coding, tone } => {
+                let developed = self.prepare_developed(light, channels, rect);
+                self.with_coefficients(developed, light, coding, tone)
+            }
         };
         prepared.sensor = sensor;
         if prepared.taken_by() != Some(TakenBy::Another) {
@@ -71,8 +74,13 @@ impl Pipeline {
     /// Pixels that bad sites of the rig's sensor may have reached are missing. The photo is not
     /// divided by the sensor's gain pattern: nothing shows how its camera interpolated between the
     /// sites.
-    fn prepare_developed<'a>(&self, photo: &'a Frame<Work>, channels: Channels) -> Prepared<'a> {
-        let mut prepared = self.place(photo, self.straighten(photo, None), channels);
+    fn prepare_developed<'a>(
+        &self,
+        photo: &'a Frame<Work>,
+        channels: Channels,
+        rect: Rect,
+    ) -> Prepared<'a> {
+        let mut prepared = self.place(photo, self.straighten(photo, None), channels, rect);
         self.mark_missing(&mut prepared.observation, SiteGains::reaches);
         let noise = prepared.observation.noise;
         self.find_focus(&mut prepared, &|c, light| {
@@ -83,9 +91,15 @@ impl Pipeline {
 
     /// Means of raw sites of the rig's own sensor are divided by its gain pattern, and bad ones are
     /// missing.
-    fn prepare_binned_sites<'a>(&self, photo: &'a Frame<Work>, raw: RawSites) -> Prepared<'a> {
+    fn prepare_binned_sites<'a>(
+        &self,
+        photo: &'a Frame<Work>,
+        raw: RawSites,
+        rect: Rect,
+    ) -> Prepared<'a> {
         let raw = raw.in_units_of(self.own_counts_per_level);
-        let mut prepared = self.place(photo, self.evened(photo, &raw), Channels::Colour);
+        let even = self.evened(photo, &raw, rect);
+        let mut prepared = self.place(photo, even, Channels::Colour, rect);
         self.mark_missing(&mut prepared.observation, SiteGains::is_bad);
         let own = self.noise_at(&raw);
         let estimated = prepared.observation.noise;
@@ -97,14 +111,13 @@ impl Pipeline {
 
     /// A JPEG is data by its coefficients, unless it was coded before in coarser steps, whose
     /// errors its file does not show, or has not the rig's size.
-    fn prepare_jpeg<'a>(
+    fn with_coefficients<'a>(
         &self,
-        photo: &'a Frame<Work>,
-        channels: Channels,
+        mut prepared: Prepared<'a>,
+        photo: &Frame<Work>,
         coding: &Coding,
         tone: &Tone,
     ) -> Prepared<'a> {
-        let mut prepared = self.prepare_developed(photo, channels);
         // Divided by the dark corner, the light is no longer the coefficients'.
         if self.beyond == Beyond::Dark {
             return prepared;
@@ -119,7 +132,7 @@ impl Pipeline {
         let term = JpegTerm::of(&Stated {
             coding,
             lights: lights.each_ref().map(Vec::as_slice),
-            channels,
+            channels: observation.channels,
             photo: &observation.light,
             rect: observation.rect,
             noise_at: &|c, light| self.noise[c.index()].sigma(light.max(0.0)),
@@ -140,14 +153,14 @@ impl Pipeline {
     /// Their noise is that of the file, if it is plausible and not below [`AVERAGED_MIN`]; else the
     /// sensor's, or what their spectrum shows where that is far more: the gain may have been
     /// another.
-    fn prepare_raw<'a>(&self, photo: &'a Frame<Work>, raw: RawSites) -> Prepared<'a> {
+    fn prepare_raw<'a>(&self, photo: &'a Frame<Work>, raw: RawSites, rect: Rect) -> Prepared<'a> {
         let raw = raw.in_units_of(self.own_counts_per_level);
         let one_exposure = self.noise_at(&raw);
         let (raw, note) = plausible_noise(raw, &one_exposure);
-        let mut prepared = self.place(photo, self.evened(photo, &raw), Channels::Colour);
+        let even = self.evened(photo, &raw, rect);
+        let mut prepared = self.place(photo, even, Channels::Colour, rect);
         prepared.notes.extend(note);
         self.mark_missing(&mut prepared.observation, SiteGains::is_bad);
-        let rect = prepared.observation.rect;
         let mosaic = raw.mosaic.from_place(rect.x, rect.y);
         for channel in Channel::ALL {
             let plane = prepared.observation.trust.plane_mut(channel);
@@ -174,7 +187,8 @@ impl Pipeline {
             })
         };
         let measured = |c: Channel, light: f32| sigma(&own, c, light);
-        let data = photo.focus_data(&measured);
+        let field = self.lens.model.field();
+        let data = photo.focus_data(field, &measured);
         let finding = check_spectrum(self.lens.model.functions(), &data, raw.noise.is_none());
         let mean = Channel::ALL.map(|c| photo.photo.plane(c).mean() as f32);
         if let Some(SpectralFinding::Noisier(powers)) = finding {
@@ -196,16 +210,20 @@ impl Pipeline {
         photo.is_of_sharper_lens = finding == Some(SpectralFinding::SharperLens);
         // At another focus the lens may be sharper than at the panel's.
         if photo.is_of_sharper_lens && photo.focus.is_some() {
-            let data = photo.focus_data(&noise_at);
+            let data = photo.focus_data(field, &noise_at);
             let lens = self.lens_of(photo).model.functions();
             photo.is_of_sharper_lens =
                 check_spectrum(lens, &data, false) == Some(SpectralFinding::SharperLens);
         }
     }
 
-    /// The raw `photo` in linear light of equal sites.
-    fn evened<'a>(&self, photo: &'a Frame<Work>, raw: &RawSites) -> Cow<'a, Frame<Work>> {
-        let (_, rect) = data_term::canvas_of(photo.size(), self.correction.layout().margin_px);
+    /// The raw `photo`, at `rect` of the canvas, in linear light of equal sites.
+    fn evened<'a>(
+        &self,
+        photo: &'a Frame<Work>,
+        raw: &RawSites,
+        rect: Rect,
+    ) -> Cow<'a, Frame<Work>> {
         let straight = self.straighten(photo, Some(FULL_SCALE * raw.counts_per_level));
         match self.correction.sites() {
             Some(sites) => Cow::Owned(sites.evened(rect, |c, x, y| straight.plane(c).at(x, y))),
@@ -222,15 +240,15 @@ impl Pipeline {
         }
     }
 
-    /// `even`, which is `photo` in linear light of equal sites, on its canvas.
+    /// `even`, which is `photo` in linear light of equal sites, at `rect` of the canvas.
     fn place<'a>(
         &self,
         photo: &Frame<Work>,
         even: Cow<'a, Frame<Work>>,
         channels: Channels,
+        rect: Rect,
     ) -> Prepared<'a> {
-        let layout = self.correction.layout();
-        let (canvas, rect) = data_term::canvas_of(photo.size(), layout.margin_px);
+        let canvas = self.lens.model.canvas();
         let mut flat = even.as_ref().clone();
         if self.beyond == Beyond::Dark {
             self.photo_side.undo_dark_corner(&mut flat);
@@ -252,7 +270,11 @@ impl Pipeline {
         );
         let estimates = [red, green, blue];
         let sampling = Developed {
-            interpolated: layout.canvas_mosaic().filter(|_| channels == Channels::Colour),
+            interpolated: self
+                .correction
+                .layout()
+                .canvas_mosaic()
+                .filter(|_| channels == Channels::Colour),
             has_blocks: estimates.iter().any(|noise| noise.coding > 0.0),
         };
         let observation = Observation {

@@ -9,7 +9,7 @@ use crate::calibration::OperatorNorms;
 use crate::deconvolution::lens_model::LensModel;
 use crate::deconvolution::method::{About, Solution};
 use crate::deconvolution::observation::Observation;
-use crate::frame::{Frame, Work, once};
+use crate::frame::{Frame, Rect, Work, once};
 
 /// Expected z from which a photo without the pattern is another sensor's. Own photos of the limits,
 /// down to JPEGs of quality 60, have 1.4 times what is expected on average, with a standard error
@@ -19,6 +19,8 @@ const EXPECTED_MIN: f64 = 3.0;
 /// z from which a photo has the pattern, whatever is expected. Of 215 photos of other sensors z is
 /// 3.1 at most (limits).
 const Z_MIN: f64 = 4.0;
+/// The same at the best of many places: 1 of 3 million is above by chance, and 1000 are tried.
+const Z_MIN_OF_PLACES: f64 = 5.0;
 
 /// A photo made ready for the methods.
 #[derive(Clone)]
@@ -134,6 +136,13 @@ impl Prepared<'_> {
     /// Whether it shows the pattern of the rig's sensor.
     pub fn shows_sensor(&self) -> bool {
         self.taken_by() == Some(TakenBy::Own)
+    }
+
+    /// Whether its place in the `field` of the lens is known: that of a part by the sensor's
+    /// pattern.
+    pub(super) fn is_placed(&self, field: Rect) -> bool {
+        let shows_place = |sensor: SensorMatch| sensor.found >= Z_MIN_OF_PLACES;
+        self.observation.rect == field || self.sensor.is_some_and(shows_place)
     }
 
     /// The same photo, without findings on it.

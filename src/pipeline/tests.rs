@@ -346,7 +346,7 @@ fn captures_are_converted_to_the_photo_s_focus() {
     let mut functions = panel.functions().clone();
     functions.taps.swap(0, 2);
     let at = here.config.photo_on_canvas();
-    let photo = panel.with_functions(at.size, at.x, &functions).unwrap();
+    let photo = panel.with_functions(&functions).unwrap();
     let scene = here.scene();
     let shown = Frame::from_fn(|c| place_with_edges(scene.plane(c), panel.canvas(), at));
     let at_panel = here.pipeline.light_path(&mut here.rig).forward(&shown).unwrap().light;

@@ -179,13 +179,14 @@ impl LensFlat {
         points(self.photo).flat_map(shares).fold(f64::INFINITY, f64::min)
     }
 
-    /// Divides `picture` (photo-sized linear light) by the shares.
-    pub(super) fn remove_from(&self, picture: &mut Frame<Work>) {
+    /// Divides `picture`, linear light of a photo from its column `left` and row `top` on, by the
+    /// shares.
+    pub(super) fn remove_from(&self, picture: &mut Frame<Work>, (left, top): (usize, usize)) {
         for (plane, share) in picture.planes_mut().iter_mut().zip(&self.shares) {
             let width = plane.width().max(1);
             plane.data_mut().par_chunks_mut(width).enumerate().for_each(|(y, row)| {
                 let mut shares = vec![0.0; row.len()];
-                share.row(y as f64, 0.0, 1.0, &mut shares);
+                share.row((top + y) as f64, left as f64, 1.0, &mut shares);
                 row.iter_mut().zip(shares).for_each(|(v, share)| *v /= share);
             });
         }
@@ -228,7 +229,7 @@ mod tests {
         let rect = Rect { x: layout.photo_x_px, y: layout.photo_y_px, size: layout.photo };
         let even = seen(layout.sensor, 100.0, 0.0);
         let mut picture: Frame<Work> = Frame::from_fn(|c| even.plane(c).crop(rect));
-        flat.remove_from(&mut picture);
+        flat.remove_from(&mut picture, (0, 0));
         let middle = picture.plane(Channel::Red).at(128, 96);
         for &v in picture.planes().iter().flat_map(|plane| plane.data()) {
             assert!((v / middle - 1.0).abs() < 0.002, "{v} of {middle}");

@@ -140,8 +140,9 @@ impl OnRig {
         OnRig { pipeline, interruption: Some(interruption), ..self }
     }
 
-    /// Removes the lens's dark corners from a result, if the rig file asks for it; returns a note.
-    fn remove_vignetting(&self, picture: &mut Frame<Work>) -> Option<String> {
+    /// Removes the lens's dark corners from a result, which starts at column and row `from` of the
+    /// rig's photo, if the rig file asks for it; returns a note.
+    fn remove_vignetting(&self, picture: &mut Frame<Work>, from: (usize, usize)) -> Option<String> {
         if !self.config.restore.remove_vignetting {
             return None;
         }
@@ -150,7 +151,7 @@ impl OnRig {
                         on this rig; run `relens calibrate --diffuser`";
             return Some(note.to_owned());
         };
-        flat.remove_from(picture);
+        flat.remove_from(picture, from);
         let most = 1.0 / flat.darkest();
         Some(format!("the lens's dark corners were removed: up to {most:.2} times the light"))
     }
@@ -167,7 +168,7 @@ const TURNED: &str = "the photo was turned after it was taken, as the pattern of
 impl OnRig {
     /// `photo` turned by half, if the sensor's pattern shows that it was turned so.
     fn turned_by_half(&self, photo: &Photo) -> Option<Photo> {
-        if photo.raw.is_some() || !self.config.photo_grid().shows_turn {
+        if photo.raw.is_some() || self.config.photo_grid().pattern_px.is_none() {
             return None;
         }
         let mut turned = photo.clone();
@@ -231,7 +232,16 @@ impl Restorer for OnRig {
         outcome.notes.extend_from_slice(&prepared.notes);
         if outcome.verdict != Verdict::Untouched {
             outcome.notes.extend(photo.is_side_guessed.then(|| TURNED.to_owned()));
-            outcome.notes.extend(self.remove_vignetting(&mut outcome.picture));
+            let (field, rect) = (self.config.photo_on_canvas(), prepared.observation.rect);
+            let from = (rect.x - field.x, rect.y - field.y);
+            if rect != field {
+                let (x, y) = (by * from.0, by * from.1);
+                outcome.notes.push(format!(
+                    "the photo is a part of the rig's, from its column {x} and row {y} on, as the \
+                     pattern of the camera's pixels shows"
+                ));
+            }
+            outcome.notes.extend(self.remove_vignetting(&mut outcome.picture, from));
             let solved = binned.as_ref().map_or(&photo.light, |binned| &binned.light);
             let pair = [solved, &outcome.picture].map(|light| photo.for_display(light));
             self.last = Some(pair.into());

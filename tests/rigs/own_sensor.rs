@@ -10,7 +10,7 @@ use relens::calibration::store;
 use relens::chart::scenes::Scene;
 use relens::chart::test_rig::TestPhoto;
 use relens::config::{MethodName, RigFile};
-use relens::frame::{Channels, Frame, Plane, Size, Work};
+use relens::frame::{Channel, Channels, Frame, Plane, Rect, Size, Work};
 use relens::picture::{Photo, ReadOptions};
 use relens::pipeline::{Outcome, Pipeline, Verdict};
 use relens::restorer::Restorer;
@@ -20,6 +20,9 @@ use relens::rig::simulated;
 use crate::restorer::developed;
 use crate::restorer::view::View;
 use crate::{load, measured};
+
+/// Pixels from a part's border on in which it is compared.
+const INNER: usize = 24;
 
 /// A restorer of `rig` and a photo that its camera took, developed.
 fn restorer_and_photo(rig: &RigFile, slots: &Path) -> (OnRig, DynamicImage) {
@@ -84,6 +87,41 @@ fn a_turned_photo_is_restored_as_it_was_taken() {
     assert_eq!(outcome.verdict, Verdict::Untouched);
     assert!(outcome.reason.contains("stored upright"), "{}", outcome.reason);
     assert_eq!(seen.size().width, rig.photo.size().height);
+}
+
+#[test]
+fn a_part_of_the_sensor_is_restored_in_its_place() {
+    let rig = load("truthful.toml");
+    let slots = tempfile::tempdir().unwrap();
+    let (mut restorer, photo) = restorer_and_photo(&rig, slots.path());
+    let (_, whole) = restored(&mut restorer, &rig, &photo, false);
+    // 3:2, 16:9 and square, in the middle and elsewhere.
+    for (x, y, width, height) in [(0, 11, 256, 171), (0, 24, 256, 144), (13, 0, 192, 192)] {
+        let place = Rect { x, y, size: Size::new(width, height) };
+        let [left, top, across, down] = [x, y, width, height].map(|n| n as u32);
+        let part = photo.crop_imm(left, top, across, down);
+        for is_jpeg in [false, true] {
+            let (outcome, seen) = restored(&mut restorer, &rig, &part, is_jpeg);
+            assert_eq!(outcome.verdict, Verdict::Sound, "{place:?}: {}", outcome.reason);
+            let words = format!("from its column {x} and row {y} on");
+            assert!(outcome.notes.iter().any(|note| note.contains(&words)), "{:?}", outcome.notes);
+            if !is_jpeg {
+                // Beyond the lens's reach a cut changes nothing.
+                let inner = |of: Rect| {
+                    let size = Size::new(of.size.width - 2 * INNER, of.size.height - 2 * INNER);
+                    Rect { x: of.x + INNER, y: of.y + INNER, size }
+                };
+                let mut off = seen.crop(inner(Rect { x: 0, y: 0, ..place }));
+                for c in Channel::ALL {
+                    off.plane_mut(c).add_scaled(-1.0, &whole.plane(c).crop(inner(place)));
+                    println!("{place:?} {c:?} {}", off.plane(c).rms());
+                    assert!(off.plane(c).rms() < 1.0, "{place:?}");
+                }
+            }
+        }
+        let (outcome, _) = restored(&mut restorer, &rig, &part.fliph(), false);
+        assert_eq!(outcome.verdict, Verdict::Untouched, "mirrored");
+    }
 }
 
 #[test]

@@ -147,7 +147,7 @@ fn map_tiles<T: Send>(
     members: &[&LensFunctions],
     map: impl Fn(&Tiles, &[(Channel, TileSpectrum)], &Transfers) -> T + Sync,
 ) -> Vec<T> {
-    let Some(tiles) = Tiles::of(photo.rect.size, members[0]) else { return Vec::new() };
+    let Some(tiles) = Tiles::of(photo.field.size, members[0]) else { return Vec::new() };
     let one = |place: &TilePlace| {
         let spectrum = |&c: &Channel| Some((c, tiles.spectrum(photo, place, c)?));
         let spectra: Vec<_> = photo.channels.list().iter().filter_map(spectrum).collect();

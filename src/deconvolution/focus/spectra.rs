@@ -30,6 +30,8 @@ pub struct FocusData<'a> {
     pub trust: &'a Frame<Work, u8>,
     /// The photo's rectangle on the canvas.
     pub rect: Rect,
+    /// The rectangle over which the lens's functions are spread.
+    pub field: Rect,
     /// Colour filters over the canvas, of raw sites.
     pub mosaic: Option<Mosaic>,
     /// Channels present.
@@ -97,7 +99,7 @@ pub(super) struct TilePlace {
 }
 
 impl Tiles {
-    /// The tiles of a photo of `size`, one around the centre of each function; `None` when it is
+    /// The tiles of a field of `size`, one around the centre of each function; `None` when it is
     /// smaller than a tile.
     pub(super) fn of(size: Size, functions: &LensFunctions) -> Option<Tiles> {
         let LensFunctions { rows, columns, support_px, .. } = *functions;
@@ -135,15 +137,19 @@ impl Tiles {
         &self.frequencies[folding as usize]
     }
 
-    /// The spectrum of `channel` at `place`; `None` where data are missing or saturated.
+    /// The spectrum of `channel` at `place`; `None` where data are missing or saturated,
+    /// as outside the photo.
     pub(super) fn spectrum(
         &self,
         photo: &FocusData<'_>,
         place: &TilePlace,
         channel: Channel,
     ) -> Option<TileSpectrum> {
-        let (x, y) = (photo.rect.x + place.x, photo.rect.y + place.y);
+        let (x, y) = (photo.field.x + place.x, photo.field.y + place.y);
         let rect = Rect { x, y, size: Size::new(self.side, self.side) };
+        if !photo.rect.contains(rect) {
+            return None;
+        }
         let light = photo.photo.plane(channel).crop(rect);
         let trust = photo.trust.plane(channel);
         let trust = Plane::from_fn(rect.size, |u, v| trust.at(x + u, y + v));

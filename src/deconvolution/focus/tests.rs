@@ -80,7 +80,7 @@ fn both<T>(photo: &Frame<Work>, estimate: impl Fn(&FocusData<'_>) -> T) -> [T; 2
         let [at_black, per_level] = POWERS;
         let noise = &|_, light: f32| (at_black + per_level * light).sqrt();
         let channels = Channels::Colour;
-        estimate(&FocusData { photo, trust, rect, mosaic, channels, noise })
+        estimate(&FocusData { photo, trust, rect, field: rect, mosaic, channels, noise })
     })
 }
 
@@ -99,7 +99,7 @@ fn found_by(
     let series = FocusSeries::new(members.iter().map(|(o, f)| (*o, f)).collect()).unwrap();
     let (rect, channels) = (Rect { x: 0, y: 0, size: SIZE }, Channels::Colour);
     let noise = &|_, _| NOISE;
-    series.find(&FocusData { photo, trust, rect, mosaic, channels, noise })
+    series.find(&FocusData { photo, trust, rect, field: rect, mosaic, channels, noise })
 }
 
 fn found(photo: &Frame<Work>) -> Option<FoundFocus> {

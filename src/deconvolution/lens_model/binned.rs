@@ -5,11 +5,10 @@ use crate::frame::{Channel, Size};
 
 impl LensModel {
     /// The lens from scenes of squares of two by two pixels to the means over such squares.
-    /// `margin_px` is that of this model's canvas.
     ///
     /// # Errors
     /// When a side of the canvas is odd.
-    pub fn binned(&self, margin_px: usize) -> Result<LensModel, LensModelError> {
+    pub fn binned(&self) -> Result<LensModel, LensModelError> {
         let Size { width, height } = self.canvas;
         if !width.is_multiple_of(2) || !height.is_multiple_of(2) {
             return Err(LensModelError(format!(
@@ -17,7 +16,7 @@ impl LensModel {
                 self.canvas
             )));
         }
-        let margin = margin_px.div_ceil(2);
+        let margin = self.field.x.div_ceil(2);
         let photo = Size::new(width / 2 - 2 * margin, height / 2 - 2 * margin);
         let mut model = LensModel::new(photo, margin, &self.functions.binned())?;
         for (binned, own) in model.broad.iter_mut().zip(&self.broad) {
@@ -78,7 +77,7 @@ mod tests {
         let halo = |_| vec![Halo { radius_px: 24.0, share: 0.1 }];
         let model = LensModel::new(Size::new(88, 72), 4, &functions).unwrap();
         let model = model.with_broad_light(&Channel::ALL.map(halo), Beyond::Dark).unwrap();
-        let binned = model.binned(4).unwrap();
+        let binned = model.binned().unwrap();
         let scene = Plane::from_fn(binned.canvas(), |x, y| ((x * 31 + y * 17) % 101) as f32);
         let squares = Plane::from_fn(model.canvas(), |x, y| scene.at(x / 2, y / 2));
         let (mut seen, mut own) = (Plane::zeros(scene.size()), squares.clone());
@@ -87,6 +86,6 @@ mod tests {
         seen.add_scaled(-1.0, &bin(&own, 2));
         assert!(seen.rms() < 0.05, "{}", seen.rms());
         let odd = LensModel::new(Size::new(87, 72), 4, &functions).unwrap();
-        assert!(odd.binned(4).is_err(), "an odd width");
+        assert!(odd.binned().is_err(), "an odd width");
     }
 }

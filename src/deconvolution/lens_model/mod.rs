@@ -23,7 +23,7 @@ pub use functions::{LensFunctions, LensModelError};
 pub use inverse::{Density, LocalInverse};
 
 use crate::frame::instructions::run_fastest;
-use crate::frame::{Channel, Frame, Plane, Size, Work};
+use crate::frame::{Channel, Frame, Plane, Rect, Size, Work};
 use broad::Broad;
 use cells::{Cells, Spectrum};
 use fast::{Adjoint, Forward, Workspace};
@@ -36,6 +36,7 @@ use taps::Correlate;
 #[derive(Debug, Clone)]
 pub struct LensModel {
     canvas: Size,
+    field: Rect,
     functions: LensFunctions,
     cells: Cells,
     spectra: [Vec<Spectrum>; 3],
@@ -86,6 +87,7 @@ impl LensModel {
         let cells = Cells::new(&along_x, &along_y, functions);
         Ok(LensModel {
             canvas: Size::new(photo.width + 2 * margin_px, photo.height + 2 * margin_px),
+            field: Rect { x: margin_px, y: margin_px, size: photo },
             spectra: Channel::ALL.map(|channel| taps::spectra(&cells, functions, channel)),
             cells,
             functions: functions.clone(),
@@ -116,6 +118,11 @@ impl LensModel {
         self.canvas
     }
 
+    /// Part of the canvas over which the functions are spread: that of a whole photo.
+    pub fn field(&self) -> Rect {
+        self.field
+    }
+
     /// The point spread functions.
     pub fn functions(&self) -> &LensFunctions {
         &self.functions
@@ -138,15 +145,10 @@ impl LensModel {
     /// The same model with other `functions` on the same canvas, broad light kept.
     ///
     /// # Errors
-    /// When the functions do not make a grid ([`LensFunctions::check`]) or the photo is empty.
-    pub fn with_functions(
-        &self,
-        photo: Size,
-        margin_px: usize,
-        functions: &LensFunctions,
-    ) -> Result<Self, LensModelError> {
+    /// When the functions do not make a grid ([`LensFunctions::check`]).
+    pub fn with_functions(&self, functions: &LensFunctions) -> Result<Self, LensModelError> {
         let broad = self.broad.clone();
-        Ok(LensModel { broad, ..LensModel::new(photo, margin_px, functions)? })
+        Ok(LensModel { broad, ..LensModel::new(self.field.size, self.field.x, functions)? })
     }
 
     /// `out` = K x.

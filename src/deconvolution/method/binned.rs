@@ -30,7 +30,7 @@ impl BinnedProblem {
             return None;
         }
         let observation = own.binned()?;
-        let model = problem.model.binned(own.rect.x).ok()?;
+        let model = problem.model.binned().ok()?;
         let level_norms = problem.level_norms.each_ref().map(LevelNorms::binned);
         Some(BinnedProblem { observation, model, level_norms })
     }

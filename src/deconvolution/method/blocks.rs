@@ -100,7 +100,7 @@ impl Blocks {
                 .frame_of(|c| data_step(target, c, picture.plane(c), residual.plane(c), ratio(c)));
             let noises = passed.iter().zip(&errors).map(|(passed, &(c, error))| {
                 let undone = BlockNoise::deconvolved(passed, error.powi(2), tau(c).powi(2));
-                undone.scaled(ASSUMED_NOISE).within(observation.rect.x).masked(target.mask)
+                undone.scaled(ASSUMED_NOISE).within(problem.model.field().x).masked(target.mask)
             });
             let noises: Vec<BlockNoise<'_>> = noises.collect();
             filter_colours(channels, uncertain, &mut picture, &noises, round as usize);

@@ -71,7 +71,7 @@ impl Wiener {
     ) -> Plane {
         let noise = observation.pixel_noise(channel).max(NOISE_MIN);
         let ratio = self.noise_to_signal * noise * noise;
-        TileFilter::new(model.functions(), channel, blurred, observation.rect, ratio).filter()
+        TileFilter::new(model, channel, blurred, ratio).filter()
     }
 }
 
@@ -102,13 +102,8 @@ fn clamp_index(v: isize, end: usize) -> usize {
 }
 
 impl<'a> TileFilter<'a> {
-    fn new(
-        functions: &'a LensFunctions,
-        channel: Channel,
-        photo: &'a Plane,
-        rect: Rect,
-        ratio: f32,
-    ) -> TileFilter<'a> {
+    fn new(model: &'a LensModel, channel: Channel, photo: &'a Plane, ratio: f32) -> TileFilter<'a> {
+        let (functions, rect) = (model.functions(), model.field());
         let (size, reach) = (photo.size(), functions.support_px / 2);
         let across = TileWindow::of(rect.size.width.div_ceil(functions.columns.max(1)));
         let down = TileWindow::of(rect.size.height.div_ceil(functions.rows.max(1)));

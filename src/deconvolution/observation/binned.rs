@@ -3,9 +3,9 @@
 use std::sync::Arc;
 
 use super::Observation;
-use crate::deconvolution::data_term::{MISSING, SATURATED, TRUSTED, canvas_of};
+use crate::deconvolution::data_term::{MISSING, SATURATED, TRUSTED};
 use crate::frame::binning::bin;
-use crate::frame::{Channel, Frame, Plane, Size, Work};
+use crate::frame::{Channel, Frame, Plane, Rect, Size, Work};
 
 impl Observation {
     /// The means over squares of two by two pixels; `None` for data without such means, and a
@@ -16,8 +16,10 @@ impl Observation {
             return None;
         }
         let sampling = self.sampling.binned()?;
-        let (half, margin) = (Size::new(width / 2, height / 2), self.rect.x.div_ceil(2));
-        let photo = Size::new(half.width - 2 * margin, half.height - 2 * margin);
+        let half = Size::new(width / 2, height / 2);
+        let Rect { x: left, y: top, size } = self.rect;
+        let (x, y) = (left.div_ceil(2), top.div_ceil(2));
+        let size = Size::new((left + size.width) / 2 - x, (top + size.height) / 2 - y);
         let trust = |c: Channel| {
             let own = self.trust.plane(c);
             Plane::from_fn(half, |x, y| {
@@ -34,7 +36,7 @@ impl Observation {
         Some(Observation {
             light: Frame::from_fn(|c| bin(self.light.plane(c), 2)),
             trust: Frame::<Work, u8>::from_fn(trust),
-            rect: canvas_of(photo, margin).1,
+            rect: Rect { x, y, size },
             channels: self.channels,
             noise: Channel::ALL.map(noise),
             dark_light: self.dark_light,

@@ -363,7 +363,7 @@ fn a_proposed_cut_of_the_rig_s_size_is_taken() {
     let rig = PhotoGrid {
         sensor: SIZE,
         photo: Rect { x: 2, y: 2, size: Size::new(20, 20) },
-        shows_turn: false,
+        pattern_px: None,
     };
     assert_eq!(on(rig).unwrap().raw.unwrap().mosaic, Mosaic::Rggb);
     let other = on(Size::new(20, 20).into()).unwrap_err().to_string();

@@ -22,7 +22,7 @@ use rustix::time::{
 };
 
 use super::{Limits, Photo, PictureError, ReadOptions};
-use crate::frame::{Counts, Size};
+use crate::frame::{Counts, PhotoGrid, Size};
 use wire::{Answer, Ask, Purpose};
 
 pub use child::serve;
@@ -74,7 +74,7 @@ impl Worker {
     ) -> Result<Photo, PictureError> {
         let ReadOptions { curve, limits, grid, .. } = reading;
         let ask = self.ask(name, limits, Purpose::Photo(*curve, *grid));
-        reading.finish(photo_of_answer(name, &self.answer(&ask, file)?, grid.photo.size)?)
+        reading.finish(photo_of_answer(name, &self.answer(&ask, file)?, *grid)?)
     }
 
     /// The counts in `bytes`, a camera's frame of `size` coded as JPEG.
@@ -186,12 +186,16 @@ impl Worker {
     }
 }
 
-/// The photo called `name` of `size` in a worker's `answer`, which is untrusted: the file may have
+/// The photo called `name` on `grid` in a worker's `answer`, which is untrusted: the file may have
 /// taken the worker over.
-pub fn photo_of_answer(name: &str, answer: &[u8], size: Size) -> Result<Photo, PictureError> {
+pub fn photo_of_answer(
+    name: &str,
+    answer: &[u8],
+    grid: impl Into<PhotoGrid>,
+) -> Result<Photo, PictureError> {
     let mut rest = answer;
     match read(name, &mut rest)? {
-        Answer::Photo(header) => wire::read_photo(header, &mut rest, size)
+        Answer::Photo(header) => wire::read_photo(header, &mut rest, grid.into())
             .map_err(|how| died(name, format!("it answered {how}"))),
         other => Err(refusal(name, other)),
     }

@@ -11,6 +11,7 @@ use serde::{Deserialize, Serialize};
 
 use super::super::decode::bits_of;
 use super::super::flaw::Growth;
+use super::super::shape::is_part;
 use super::super::{Limits, Photo};
 use crate::config::Curve;
 use crate::frame::{BLOCK_AREA, Channels, Coding, Counts, Frame, PhotoGrid, Plane, RawSites, Size};
@@ -133,32 +134,31 @@ pub(super) fn read(bytes: &mut &[u8]) -> Result<Answer, &'static str> {
     postcard::from_bytes(answer).map_err(|_| "an answer that cannot be read")
 }
 
-/// The photo of `header` on the grid `allowed`, its planes read from `bytes`.
+/// The photo of `header` on `grid`, its planes read from `bytes`.
 pub(super) fn read_photo(
     header: Header<Box<Photo>>,
     bytes: &mut &[u8],
-    allowed: Size,
+    grid: PhotoGrid,
 ) -> Result<Photo, &'static str> {
-    header.validate(allowed)?;
+    header.validate(grid)?;
+    let size = header.size;
     let mut photo = *header.photo;
     let mut plane = || {
-        let (plane, rest) = bytes.split_at_checked(4 * allowed.area()).ok_or("planes cut short")?;
+        let (plane, rest) = bytes.split_at_checked(4 * size.area()).ok_or("planes cut short")?;
         *bytes = rest;
         let light: Vec<f32> = pod_collect_to_vec(plane);
         if light.iter().any(|v| !v.is_finite()) {
             return Err("light that is not finite");
         }
-        Plane::from_vec(allowed, light).ok_or("planes of another size")
+        Plane::from_vec(size, light).ok_or("planes of another size")
     };
     photo.light = match photo.channels {
         Channels::Colour => Frame::from_planes([plane()?, plane()?, plane()?]),
-        Channels::Green => {
-            Frame::from_planes([Plane::zeros(allowed), plane()?, Plane::zeros(allowed)])
-        }
+        Channels::Green => Frame::from_planes([Plane::zeros(size), plane()?, Plane::zeros(size)]),
     };
     photo.manner.alpha = if header.alpha { Some(plane()?) } else { None };
     if let Some(coding) = photo.coding.take() {
-        photo.coding = Some(read_coding(coding, bytes, allowed)?);
+        photo.coding = Some(read_coding(coding, bytes, size)?);
     }
     if !bytes.is_empty() {
         return Err("more than the photo");
@@ -168,14 +168,15 @@ pub(super) fn read_photo(
 
 impl Header<Box<Photo>> {
     /// Checks all that is not checked on reading the planes.
-    fn validate(&self, allowed: Size) -> Result<(), &'static str> {
+    fn validate(&self, grid: PhotoGrid) -> Result<(), &'static str> {
         let Photo { manner, raw, channels, .. } = &*self.photo;
         let steps = match bits_of(manner.colour) {
             8 => 256,
             16 => 65536,
             _ => return Err("samples of another depth"),
         };
-        if self.size != allowed || !manner.tone.has_steps(steps) {
+        let is_part = raw.is_none() && is_part(self.size, grid);
+        if !(self.size == grid.photo.size || is_part) || !manner.tone.has_steps(steps) {
             return Err("a photo of another size");
         }
         let is_sound = |raw: RawSites| {

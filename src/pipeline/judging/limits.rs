@@ -96,6 +96,9 @@ pub(in crate::pipeline) const ANOTHER_SENSOR: &str = "the photo does not show th
 pub(in crate::pipeline) const NOT_CONFIRMED: &str = "photographed through the lens again, its \
     restoration differs from it, and the photo does not show the pattern of this camera's pixels: \
     another camera may have taken it, or it is too small or too strongly compressed to tell";
+pub(in crate::pipeline) const UNPLACED: &str = "the photo is a part of what this rig's camera \
+    takes, and does not show the pattern of its pixels clearly enough to tell which part; drop the \
+    photo as the camera took it";
 pub(in crate::pipeline) const SHARPER: &str = "the photo is far sharper than the measured lens \
     makes any, as a lens stopped down or another one does, and a restoration would overshoot; \
     calibrate at the aperture that you photograph with";
