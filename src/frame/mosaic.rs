@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::{Channel, Frame, Plane};
+use super::{Channel, Frame, Plane, Size};
 
 /// A Bayer mosaic, named by its first two rows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -130,15 +130,22 @@ impl Mosaic {
     /// The sites of `channel` in `plane`, interpolated by Lanczos's kernel of three lobes: up to
     /// 0.6 of their Nyquist frequency they keep the contrast that [`Mosaic::filled`] attenuates.
     pub fn interpolated_finely(self, channel: Channel, plane: &Plane) -> Plane {
-        let size = plane.size();
+        let Size { width, height } = plane.size();
         let share = if channel == Channel::Green { 0.5 } else { 1.0 };
-        let sites: Plane = Plane::from_fn(size, |x, y| match self.colour_at(x, y) == channel {
-            true => share * plane.at(x, y),
-            false => 0.0,
+        let [mut along_x, mut both] = [(); 2].map(|()| Plane::zeros(plane.size()));
+        let rows = along_x.data_mut().par_chunks_mut(width.max(1)).enumerate();
+        rows.for_each(|(y, row)| {
+            let is_site = [0, 1].map(|x| self.colour_at(x, y) == channel);
+            let sites = plane.row(y).iter().enumerate();
+            let sites = sites.map(|(x, v)| if is_site[x % 2] { share * v } else { 0.0 });
+            let sites: Vec<f32> = sites.collect();
+            let padded: Vec<f32> =
+                (0..width + 2 * LOBES_PX).map(|x| sites[mirrored(x, width)]).collect();
+            by_lanczos(row, |tap| &padded[tap..][..width]);
         });
-        let rows: Plane =
-            Plane::from_fn(size, |x, y| by_lanczos(size.width, x, |x| sites.at(x, y)));
-        Plane::from_fn(size, |x, y| by_lanczos(size.height, y, |y| rows.at(x, y)))
+        let rows = both.data_mut().par_chunks_mut(width.max(1)).enumerate();
+        rows.for_each(|(y, row)| by_lanczos(row, |tap| along_x.row(mirrored(y + tap, height))));
+        both
     }
 
     /// Nearest sites of `channel` around (`x`, `y`), as offsets 0..3 from the upper left neighbour.
@@ -182,24 +189,31 @@ impl Mosaic {
     }
 }
 
-/// A line of `length` values, every second one 0, mirrored at its ends and interpolated at `at` by
-/// Lanczos's kernel of three lobes.
-fn by_lanczos(length: usize, at: usize, value: impl Fn(usize) -> f32) -> f32 {
+/// Reach of Lanczos's kernel of three lobes between sites two pixels apart.
+const LOBES_PX: usize = 5;
+
+/// Place in a line of `length` values, mirrored at its ends, of the one at `at` − [`LOBES_PX`].
+fn mirrored(at: usize, length: usize) -> usize {
+    let at = at.abs_diff(LOBES_PX);
+    if at < length { at } else { (2 * (length - 1)).saturating_sub(at) }
+}
+
+/// `out` interpolated by Lanczos's kernel of three lobes between lines of values, every second one
+/// 0, of which `line`(n) is n − [`LOBES_PX`] pixels away.
+fn by_lanczos<'a>(out: &mut [f32], line: impl Fn(usize) -> &'a [f32]) {
     /// The kernel at ½, 1½ and 2½ between sites, normalised; it is 0 at all other sites.
     const WEIGHTS: [f32; 3] = [0.6114, -0.1359, 0.0245];
-    let mirrored = |at: isize| {
-        let at = at.unsigned_abs();
-        if at < length { at } else { (2 * (length - 1)).saturating_sub(at) }
-    };
-    let here = at as isize;
-    let around = [1, 3, 5].map(|by| value(mirrored(here - by)) + value(mirrored(here + by)));
-    value(at) + WEIGHTS.iter().zip(around).map(|(weight, sum)| weight * sum).sum::<f32>()
+    for (by, weight) in [1, 3, 5].into_iter().zip(WEIGHTS) {
+        let pairs = line(LOBES_PX - by).iter().zip(line(LOBES_PX + by));
+        out.iter_mut().zip(pairs).for_each(|(sum, (a, b))| *sum += weight * (a + b));
+    }
+    out.iter_mut().zip(line(LOBES_PX)).for_each(|(sum, own)| *sum += own);
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::frame::{Size, Work};
+    use crate::frame::Work;
 
     /// One pixel of [`Mosaic::interpolated`].
     fn mean_by_definition(mosaic: Mosaic, c: Channel, sites: &Plane, x: usize, y: usize) -> f32 {

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use relens::chart::scenes::cut;
 use relens::config::{self, Curve};
-use relens::frame::Size;
+use relens::frame::{Rect, Size};
 use relens::picture::{Limits, Photo};
 use relens::rig::simulated;
 use relens::{Outcome, Rig, Verdict};
@@ -50,6 +50,15 @@ fn restored(folder: &Path, binning: usize) -> Vec<(Photo, Outcome, [f64; 2])> {
     let outcome = restorer.restore(&turned).unwrap();
     let is_known = outcome.notes.iter().any(|note| note.contains("turned after"));
     assert!(is_known, "{binning}: {}", outcome.reason);
+    // 16:9 of the sensor.
+    let mut part = photos[1].clone();
+    let place = Rect { x: 0, y: 48, size: Size::new(512, 288) };
+    part.light = part.light.crop(place);
+    part.stored = place.size;
+    let outcome = restorer.restore(&part).unwrap();
+    let is_known = outcome.notes.iter().any(|note| note.contains("column 0 and row 48 on"));
+    assert!(is_known, "{binning}: {}", outcome.reason);
+    assert_eq!(outcome.picture.size(), place.size);
     let file = config::load(&path).unwrap();
     let (_, witness) = simulated::open(&file).unwrap();
     let sharp = Photo::read(Path::new(SCENE), Curve::Srgb, &Limits::default()).unwrap().in_colour();

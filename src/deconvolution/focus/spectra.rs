@@ -264,14 +264,15 @@ impl Transfers {
     /// Power transfer function of the first member scaled to `width` times its size: its value at
     /// `width` times each frequency, 0 beyond Nyquist.
     pub(super) fn as_wide(&self, channel: Channel, width: f32, out: &mut Vec<f32>) {
-        let (side, of) = (self.side, &self.of[channel.index()][0]);
+        let side = self.side;
+        let own: Vec<f32> = self.of[channel.index()][0].iter().map(|v| v.norm_sqr()).collect();
         let signed = |n: usize| if n > side / 2 { n as f32 - side as f32 } else { n as f32 };
         let at = |fx: f32, fy: f32| {
             if fx.abs().max(fy.abs()) > (side / 2) as f32 {
                 return 0.0;
             }
-            let index = |f: f32| (f as i32).rem_euclid(side as i32) as usize;
-            of[index(fx) * side + index(fy)].norm_sqr()
+            let index = |f: f32| if f < 0.0 { side - (-f) as usize } else { f as usize };
+            own[index(fx) * side + index(fy)]
         };
         let between = |n: usize| {
             let (fx, fy) = (width * signed(n / side), width * signed(n % side));
@@ -298,16 +299,16 @@ impl Transfers {
 /// Hann window's amplitudes are (¼, ½, ¼) along each axis, its normalised power (1, 4, 1)/6.
 fn smeared(power: &[f32], side: usize, out: &mut Vec<f32>) {
     let three = |before: f32, at: f32, after: f32| (before + 4.0 * at + after) / 6.0;
-    let along: Vec<f32> = power
-        .chunks_exact(side)
-        .flat_map(|row| {
-            (0..side).map(|n| three(row[(n + side - 1) % side], row[n], row[(n + 1) % side]))
-        })
-        .collect();
+    let (mut along, last) = (vec![0.0; side * side], side - 1);
+    for (to, row) in along.chunks_exact_mut(side).zip(power.chunks_exact(side)) {
+        to[1..last].iter_mut().zip(row.windows(3)).for_each(|(v, w)| *v = three(w[0], w[1], w[2]));
+        to[0] = three(row[last], row[0], row[1]);
+        to[last] = three(row[last - 1], row[last], row[0]);
+    }
     out.clear();
-    out.extend((0..side * side).map(|n| {
-        let (row, column) = (n / side, n % side);
-        let at = |row: usize| along[row % side * side + column];
-        three(at(row + side - 1), at(row), at(row + 1)) + UNSURE
-    }));
+    for row in 0..side {
+        let line = |row: usize| &along[row % side * side..][..side];
+        let lines = line(row + last).iter().zip(line(row)).zip(line(row + 1));
+        out.extend(lines.map(|((above, at), below)| three(*above, *at, *below) + UNSURE));
+    }
 }

@@ -93,15 +93,17 @@ fn costs(functions: &LensFunctions, photo: &FocusData<'_>, tried: &[TriedSource]
     map_tiles(photo, &[functions], |tiles, spectra, transfers| {
         let mut costs = vec![0.0; tried.len()];
         for (channel, spectrum) in spectra {
-            let (mut power, mut scene) = (Vec::new(), PowerLaw::of(spectrum));
+            let [mut measured, mut scaled] = [(); 2].map(|()| Vec::new());
+            let mut scene = PowerLaw::of(spectrum);
             let at = tiles.frequencies(spectrum.folding);
+            transfers.power(*channel, 0, 0.0, &mut measured);
             for (cost, TriedSource { width, times }) in costs.iter_mut().zip(tried) {
-                transfers.as_wide(*channel, *width, &mut power);
                 let noisier = spectrum.noisier(times * times);
                 if *width == 1.0 {
-                    *cost += likeliest(at, &noisier, &power, &mut scene);
+                    *cost += likeliest(at, &noisier, &measured, &mut scene);
                 } else {
-                    *cost += likeliest(at, &noisier, &power, &mut scene.clone());
+                    transfers.as_wide(*channel, *width, &mut scaled);
+                    *cost += likeliest(at, &noisier, &scaled, &mut scene.clone());
                 }
             }
         }
