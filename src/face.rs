@@ -231,7 +231,7 @@ impl PhotoRestorer {
     /// assert_eq!(outcome.verdict, Verdict::Sound);
     /// // Its photograph through the lens matches the photo, up to noise.
     /// assert!(outcome.certificate.expect("it was photographed").ratio() < 1.25);
-    /// let jpeg = photo.with_picture(&outcome.picture, Format::Jpeg)?;
+    /// let jpeg = photo.with_picture(outcome.delivered(&photo), Format::Jpeg)?;
     /// assert!(jpeg.starts_with(&[0xff, 0xd8]));
     /// # Ok(())
     /// # }

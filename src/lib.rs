@@ -18,7 +18,7 @@
 //! let photo = rig.photograph("tests/scenes/astronaut.png", 1)?;
 //! rig.calibrate(folder)?;
 //! let outcome = rig.restorer(folder)?.restore(&photo)?;
-//! let restored = photo.with_picture(&outcome.picture, Format::Png)?;
+//! let restored = photo.with_picture(outcome.delivered(&photo), Format::Png)?;
 //! std::fs::write(folder.join("restored.png"), restored)?;
 //! # Ok(())
 //! # }

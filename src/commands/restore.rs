@@ -198,7 +198,7 @@ fn restore(
     match written {
         None => destination.write(&bytes)?,
         Some(format) => {
-            let bytes = photo.with_picture(&outcome.picture, format)?;
+            let bytes = photo.with_picture(outcome.delivered(&photo), format)?;
             destination.write(&bytes)?;
         }
     }

@@ -339,8 +339,8 @@ impl Job<'_> {
         };
         let restored = catch_unwind(AssertUnwindSafe(|| restorer.restore(photo, &mut report)));
         let what = match restored {
-            Ok(Ok(restored)) if restored.picture.size() != photo.light.size() => {
-                let (found, allowed) = (restored.picture.size(), photo.light.size());
+            Ok(Ok(restored)) if restored.delivered(photo).size() != photo.light.size() => {
+                let (found, allowed) = (restored.delivered(photo).size(), photo.light.size());
                 format!("the result has {found} pixels, expected {allowed}")
             }
             Ok(restored) => {

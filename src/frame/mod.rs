@@ -4,6 +4,7 @@
 //! [`SensorSpace`] (camera pixels, raw counts) and [`Work`] (the photo's own grid, linear light,
 //! 0..255 full scale as in the paper). Every plane is row-major, height × width.
 
+mod bands;
 pub mod binning;
 pub mod block_transform;
 mod channel;
@@ -19,6 +20,7 @@ pub mod resample;
 mod space;
 mod steps;
 
+pub use bands::{CoarseResult, DeliveredPicture, bands_of};
 pub use channel::{Channel, Channels};
 pub use coding::{BLOCK_AREA, BLOCK_PX, CodedComponent, Coding};
 pub use mosaic::{Mosaic, RawSites};

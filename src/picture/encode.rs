@@ -6,11 +6,11 @@ use image::codecs::{jpeg::JpegEncoder, png::PngEncoder, tiff::TiffEncoder};
 use image::{ColorType, ImageEncoder};
 
 use crate::frame::resample::resize;
-use crate::frame::{Channel, Channels, Frame, Plane, Size, Work};
+use crate::frame::{Channel, Channels, DeliveredPicture, Frame, Plane, Size, Work, bands_of};
 
 use super::decode::bits_of;
 use super::exif;
-use super::turn::{turn, turned_size};
+use super::turn::{turn, turned_size, upright_place};
 use super::{Format, Manner, Photo, PictureError};
 
 /// JPEG quality of results, so that the loss stays below a capture's noise. Guess.
@@ -21,22 +21,22 @@ const PREVIEW_QUALITY: u8 = 88;
 /// The file for `picture` (linear light 0..255, stored orientation), named `name` in errors.
 ///
 /// Grey layouts get the green plane alone; with `grey`, colour layouts get it in all channels.
-pub fn encode(
+pub fn encode<'a>(
     name: &str,
-    picture: &Frame<Work>,
+    picture: impl Into<DeliveredPicture<'a>>,
     manner: &Manner,
     grey: bool,
 ) -> Result<Vec<u8>, PictureError> {
-    encoded(picture, manner, grey, QUALITY)
+    encoded(picture.into(), manner, grey, QUALITY)
         .map_err(|source| PictureError::Encode { name: name.to_owned(), source })
 }
 
 impl Photo {
     /// The file of `picture` (linear light 0..255, the photo's stored orientation) in `format`,
     /// with the photo's metadata.
-    pub fn with_picture(
+    pub fn with_picture<'a>(
         &self,
-        picture: &Frame<Work>,
+        picture: impl Into<DeliveredPicture<'a>>,
         format: Format,
     ) -> Result<Vec<u8>, PictureError> {
         let manner = Manner { format, ..self.manner.clone() };
@@ -75,12 +75,12 @@ pub fn preview(
         let small = Size::new(scaled(size.width), scaled(size.height));
         Frame::from_fn(|channel| resize(picture.plane(channel), small))
     });
-    encoded(small.as_ref().unwrap_or(picture), &manner, grey, PREVIEW_QUALITY)
+    encoded(small.as_ref().unwrap_or(picture).into(), &manner, grey, PREVIEW_QUALITY)
         .map_err(|source| PictureError::Encode { name: name.to_owned(), source })
 }
 
 fn encoded(
-    picture: &Frame<Work>,
+    picture: DeliveredPicture<'_>,
     manner: &Manner,
     grey: bool,
     quality: u8,
@@ -94,37 +94,44 @@ fn encoded(
         (_, colour) => colour,
     };
     let grey = grey || !manner.colour.has_color();
-    // One plane after the other: those of a large photo together need much memory.
-    let codes = |channel: Channel| {
-        let source = if grey { Channel::Green } else { channel };
-        let developed = manner.colours.as_ref().map(|of| of.developed_plane(picture, source));
-        let plane = developed.as_ref().unwrap_or(picture.plane(source));
-        manner.tone.codes(channel.index(), &turn(plane, manner.orientation))
-    };
     let (deep, narrow) = (bits_of(manner.colour) > 8, bits_of(colour) == 8);
-    let alpha = || {
-        let opaque = Plane::filled(picture.size(), 1.0);
-        let alpha = turn(manner.alpha.as_ref().unwrap_or(&opaque), manner.orientation);
-        let top = if deep { 65535.0 } else { 255.0 };
-        alpha.data().iter().map(|a| (a.clamp(0.0, 1.0) * top + 0.5) as u16).collect()
-    };
-    let size = turned_size(picture.size(), manner.orientation);
+    let stored = picture.size();
+    let size = turned_size(stored, manner.orientation);
+    let upright = upright_place(stored, manner.orientation);
     let (pixel, sample) = (usize::from(colour.bytes_per_pixel()), if narrow { 1 } else { 2 });
     let mut raw = vec![0; size.area() * pixel];
-    let mut put = |n: usize, codes: Vec<u16>| {
-        for (pixel, code) in raw.chunks_exact_mut(pixel).zip(codes) {
-            let place = &mut pixel[n * sample..][..sample];
-            match (deep, narrow) {
-                (true, true) => place[0] = ((u32::from(code) + 128) / 257) as u8,
-                (false, _) => place[0] = code as u8,
-                (true, false) => place.copy_from_slice(&code.to_ne_bytes()),
-            }
-        }
-    };
     let colours: &[Channel] = if colour.has_color() { &Channel::ALL } else { &[Channel::Green] };
-    colours.iter().enumerate().for_each(|(n, &c)| put(n, codes(c)));
-    if colour.has_alpha() {
-        put(colours.len(), alpha());
+    // By bands: the planes of a large photo need much memory.
+    for rows in bands_of(stored.height) {
+        let mut put = |n: usize, codes: Vec<u16>| {
+            for (y, row) in rows.clone().zip(codes.chunks(stored.width.max(1))) {
+                for (x, &code) in row.iter().enumerate() {
+                    let (x, y) = upright(x, y);
+                    let place = &mut raw[(y * size.width + x) * pixel + n * sample..][..sample];
+                    match (deep, narrow) {
+                        (true, true) => place[0] = ((u32::from(code) + 128) / 257) as u8,
+                        (false, _) => place[0] = code as u8,
+                        (true, false) => place.copy_from_slice(&code.to_ne_bytes()),
+                    }
+                }
+            }
+        };
+        let band = picture.band(rows.clone());
+        for (n, &channel) in colours.iter().enumerate() {
+            let source = if grey { Channel::Green } else { channel };
+            let developed = manner.colours.as_ref().map(|of| of.developed_plane(&band, source));
+            let plane = developed.as_ref().unwrap_or(band.plane(source));
+            put(n, manner.tone.codes(channel.index(), plane));
+        }
+        if colour.has_alpha() {
+            let top = if deep { 65535.0 } else { 255.0 };
+            let code = |alpha: f32| (alpha.clamp(0.0, 1.0) * top + 0.5) as u16;
+            let codes = match &manner.alpha {
+                Some(alpha) => rows.clone().flat_map(|y| alpha.row(y)).map(|&a| code(a)).collect(),
+                None => vec![code(1.0); rows.len() * stored.width],
+            };
+            put(colours.len(), codes);
+        }
     }
     let mut bytes = Vec::with_capacity(raw.len());
     let out = Cursor::new(&mut bytes);

@@ -17,19 +17,41 @@ pub(super) fn swaps(orientation: Orientation) -> bool {
 }
 
 pub(super) fn turn<T: Copy + Default>(plane: &Plane<T>, orientation: Orientation) -> Plane<T> {
-    let (w, h) = (plane.width(), plane.height());
-    let (right, bottom) = (w.wrapping_sub(1), h.wrapping_sub(1));
-    // (x, y) in the upright picture; the places of row 0 and column 0 by EXIF's table.
-    Plane::from_fn(turned_size(plane.size(), orientation), |x, y| match orientation {
-        Orientation::NoTransforms => plane.at(x, y),
-        Orientation::FlipHorizontal => plane.at(right - x, y),
-        Orientation::Rotate180 => plane.at(right - x, bottom - y),
-        Orientation::FlipVertical => plane.at(x, bottom - y),
-        Orientation::Rotate90FlipH => plane.at(y, x),
-        Orientation::Rotate90 => plane.at(y, bottom - x),
-        Orientation::Rotate270FlipH => plane.at(right - y, bottom - x),
-        Orientation::Rotate270 => plane.at(right - y, x),
+    let place = stored_place(plane.size(), orientation);
+    Plane::from_fn(turned_size(plane.size(), orientation), |x, y| {
+        let (x, y) = place(x, y);
+        plane.at(x, y)
     })
+}
+
+/// Column and row, in a stored picture of `size`, of those in the upright one.
+fn stored_place(size: Size, orientation: Orientation) -> impl Fn(usize, usize) -> (usize, usize) {
+    let (right, bottom) = (size.width.wrapping_sub(1), size.height.wrapping_sub(1));
+    // The places of row 0 and column 0 by EXIF's table.
+    move |x, y| match orientation {
+        Orientation::NoTransforms => (x, y),
+        Orientation::FlipHorizontal => (right - x, y),
+        Orientation::Rotate180 => (right - x, bottom - y),
+        Orientation::FlipVertical => (x, bottom - y),
+        Orientation::Rotate90FlipH => (y, x),
+        Orientation::Rotate90 => (y, bottom - x),
+        Orientation::Rotate270FlipH => (right - y, bottom - x),
+        Orientation::Rotate270 => (right - y, x),
+    }
+}
+
+/// Column and row, in the upright picture, of those in a stored one of `size`.
+pub(super) fn upright_place(
+    size: Size,
+    orientation: Orientation,
+) -> impl Fn(usize, usize) -> (usize, usize) {
+    // Turning back is turning by the same orientation, but for quarters.
+    let back = match orientation {
+        Orientation::Rotate90 => Orientation::Rotate270,
+        Orientation::Rotate270 => Orientation::Rotate90,
+        other => other,
+    };
+    stored_place(turned_size(size, orientation), back)
 }
 
 #[cfg(test)]

@@ -11,7 +11,8 @@ use super::stages::{Prepared, Solved, TakenBy};
 use crate::deconvolution::focus::NOISE_MAX;
 use crate::deconvolution::method::{Certificate, Method, MethodError, Watch};
 use crate::deconvolution::stage::ResultStage;
-use crate::frame::{Channel, Frame, Work};
+use crate::frame::{Channel, CoarseResult, DeliveredPicture, Frame, Work};
+use crate::picture::Photo;
 use crate::rig::exposure::Devices;
 
 /// The source of the delivered picture.
@@ -28,8 +29,11 @@ pub enum Verdict {
 /// What is delivered for a photo. All but the cost describes the delivered picture.
 #[derive(Debug, Clone)]
 pub struct Outcome {
-    /// The picture, photo-sized, linear light 0..255, in the photo's stored orientation.
+    /// The picture, linear light 0..255, in the photo's stored orientation; of the photo's size,
+    /// or of the solving grid's where the photo was binned.
     pub picture: Frame<Work>,
+    /// What [`Outcome::delivered`] needs beside a binned photo, unless it is untouched.
+    pub coarse: Option<CoarseResult>,
     /// Its source.
     pub verdict: Verdict,
     /// The method that made it; `none` for the photo itself.
@@ -193,6 +197,7 @@ impl Outcome {
     pub fn untouched(photo: Frame<Work>, reason: impl Into<String>) -> Outcome {
         Outcome {
             picture: photo,
+            coarse: None,
             verdict: Verdict::Untouched,
             method: "none",
             stage: ResultStage::Photo,
@@ -207,9 +212,20 @@ impl Outcome {
         }
     }
 
+    /// The picture at the size of its `photo`.
+    pub fn delivered<'a>(&'a self, photo: &'a Photo) -> DeliveredPicture<'a> {
+        // Of a binned photo that is returned, `picture` has the means alone.
+        let is_returned =
+            self.verdict == Verdict::Untouched && self.picture.size() != photo.light.size();
+        let is_photo = is_returned || self.coarse.is_some();
+        let light = if is_photo { &photo.light } else { &self.picture };
+        DeliveredPicture { light, coarse: self.coarse.as_ref() }
+    }
+
     /// Turns all that is delivered by half.
     pub fn turn_by_half(&mut self) {
         self.picture.turn_by_half();
+        self.coarse.iter_mut().for_each(|coarse| coarse.is_turned ^= true);
         self.outliers.iter_mut().for_each(|outliers| outliers.weight.turn_by_half());
     }
 
@@ -224,6 +240,7 @@ impl Outcome {
         let (stage, reason) = stage_of(solved);
         Outcome {
             picture: solved.picture.clone(),
+            coarse: None,
             verdict: Verdict::Sound,
             method: solved.about.name,
             stage,

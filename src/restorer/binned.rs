@@ -1,7 +1,7 @@
 //! A photo binned to the solving grid, and its result carried back to the photo's own pixels.
 
-use crate::frame::binning::{bin, enlarged, is_any};
-use crate::frame::{Channels, FULL_SCALE, Frame, RawSites, Work};
+use crate::frame::binning::{bin, corrected, is_any};
+use crate::frame::{Channels, CoarseResult, FULL_SCALE, Frame, RawSites, Work};
 use crate::picture::Photo;
 use crate::pipeline::{Outcome, PhotoData, Recorded, SATURATION_SHARE, Verdict};
 
@@ -42,34 +42,18 @@ impl BinnedPhoto {
     /// `noise` is that of the means, σ in grey levels.
     pub(super) fn carry(&self, outcome: &mut Outcome, photo: &Photo, noise: [f32; 3]) {
         if outcome.verdict == Verdict::Untouched {
-            outcome.picture = photo.light.clone();
             return;
         }
-        outcome.picture = self.carried(&outcome.picture, photo, noise);
         let (solved, own) = (self.light.size(), photo.light.size());
         let by = own.width / solved.width;
+        let means = [&outcome.picture, &self.light]
+            .map(|means| Frame::from_fn(|c| corrected(means.plane(c), own)));
+        outcome.coarse = Some(CoarseResult {
+            means,
+            thresholds: noise.map(|sigma| FINE_SIGMAS * by as f32 * sigma),
+            channels: self.channels,
+            is_turned: false,
+        });
         outcome.notes.push(format!("solved at {solved} (binned by {by}), delivered at {own}"));
-    }
-
-    /// `result` enlarged, with what of the photo is finer than the solving grid and stands out of
-    /// the noise, as the edges of a date stamp do.
-    fn carried(&self, result: &Frame<Work>, photo: &Photo, noise: [f32; 3]) -> Frame<Work> {
-        let own_size = photo.light.size();
-        let by = (own_size.width / self.light.size().width) as f32;
-        Frame::from_fn(|c| {
-            let own = photo.light.plane(c);
-            if !self.channels.list().contains(&c) {
-                return own.clone();
-            }
-            let mut picture = enlarged(result.plane(c), own_size);
-            let coarse = enlarged(self.light.plane(c), own_size);
-            let threshold = FINE_SIGMAS * by * noise[c.index()];
-            let each = picture.data_mut().iter_mut().zip(own.data()).zip(coarse.data());
-            each.for_each(|((picture, own), coarse)| {
-                let fine = own - coarse;
-                *picture += fine.signum() * (fine.abs() - threshold).max(0.0);
-            });
-            picture
-        })
     }
 }

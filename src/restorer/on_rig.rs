@@ -201,12 +201,13 @@ impl Restorer for OnRig {
         {
             return Err(AnyFailure::from(PictureError::Refused { name: photo.name.clone(), flaw }));
         }
-        let unlisted = provenance::unlisted_camera(&self.config, camera);
-        if let Some(reason) = unlisted.or_else(|| photo.why_too_small()) {
-            return Ok(Outcome::untouched(photo.light.clone(), reason));
-        }
         let by = self.config.camera.binning;
         let binned = (by > 1).then(|| BinnedPhoto::of(photo, by));
+        let solved = binned.as_ref().map_or(&photo.light, |binned| &binned.light);
+        let unlisted = provenance::unlisted_camera(&self.config, camera);
+        if let Some(reason) = unlisted.or_else(|| photo.why_too_small()) {
+            return Ok(Outcome::untouched(solved.clone(), reason));
+        }
         let prepared = match &binned {
             Some(binned) => self.pipeline.prepare(binned.data()),
             None => self.pipeline.prepare(photo),
@@ -222,7 +223,7 @@ impl Restorer for OnRig {
             return Ok(outcome);
         }
         if photo.is_side_guessed && !prepared.shows_sensor() {
-            return Ok(Outcome::untouched(photo.light.clone(), UPRIGHT));
+            return Ok(Outcome::untouched(solved.clone(), UPRIGHT));
         }
         let Restoration { mut outcome, .. } =
             self.pipeline.restore(&mut self.devices, &prepared, &*self.method, &mut watch)?;
@@ -242,7 +243,6 @@ impl Restorer for OnRig {
                 ));
             }
             outcome.notes.extend(self.remove_vignetting(&mut outcome.picture, from));
-            let solved = binned.as_ref().map_or(&photo.light, |binned| &binned.light);
             let pair = [solved, &outcome.picture].map(|light| photo.for_display(light));
             self.last = Some(pair.into());
             let noise = prepared.observation.noise[Channel::Green.index()];

@@ -58,7 +58,7 @@ fn restored(folder: &Path, binning: usize) -> Vec<(Photo, Outcome, [f64; 2])> {
     let outcome = restorer.restore(&part).unwrap();
     let is_known = outcome.notes.iter().any(|note| note.contains("column 0 and row 48 on"));
     assert!(is_known, "{binning}: {}", outcome.reason);
-    assert_eq!(outcome.picture.size(), place.size);
+    assert_eq!(outcome.delivered(&part).size(), place.size);
     let file = config::load(&path).unwrap();
     let (_, witness) = simulated::open(&file).unwrap();
     let sharp = Photo::read(Path::new(SCENE), Curve::Srgb, &Limits::default()).unwrap().in_colour();
@@ -69,7 +69,7 @@ fn restored(folder: &Path, binning: usize) -> Vec<(Photo, Outcome, [f64; 2])> {
         assert_eq!(outcome.verdict, Verdict::Sound, "{}", outcome.reason);
         let truth = witness.shaded(&truth);
         let ([ssim, db], [own_ssim, own_db]) =
-            (score(&outcome.picture, &truth), score(&photo.light, &truth));
+            (score(&outcome.delivered(&photo).whole(), &truth), score(&photo.light, &truth));
         (photo, outcome, [ssim - own_ssim, db - own_db])
     };
     photos.into_iter().zip(truths).map(gain).collect()
@@ -81,7 +81,7 @@ fn a_binned_camera_s_photos_gain_as_at_their_own_grid() {
     let (own, binned) = (restored(folder.path(), 1), restored(folder.path(), 2));
     for ((_, _, own), (photo, outcome, binned)) in own.iter().zip(&binned) {
         println!("{}: {own:.4?} by its own grid, {binned:.4?} binned", photo.name);
-        assert_eq!(outcome.picture.size(), Size::new(512, 384));
+        assert_eq!(outcome.delivered(photo).size(), Size::new(512, 384));
         let notes = outcome.notes.join("; ");
         assert!(notes.contains("solved at 256×192"), "{notes}");
         assert!(outcome.confirmation().is_some(), "it was photographed");

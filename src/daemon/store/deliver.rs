@@ -39,22 +39,28 @@ impl Encoded {
     pub(crate) fn of(photo: &Photo, outcome: &Outcome) -> Result<Encoded, PictureError> {
         let grey = photo.channels == Channels::Green;
         let jpeg = |picture, px| preview(&photo.name, picture, &photo.manner, grey, px);
-        Ok(Encoded {
+        let delivered = outcome.delivered(photo);
+        let picture = delivered.whole();
+        let encoded = Encoded {
             before: jpeg(&photo.light, PREVIEW_PX)?,
-            after: jpeg(&outcome.picture, PREVIEW_PX)?,
-            thumbnail: jpeg(&outcome.picture, THUMBNAIL_PX)?,
+            after: jpeg(&picture, PREVIEW_PX)?,
+            thumbnail: jpeg(&picture, THUMBNAIL_PX)?,
             full_size: match is_beyond_preview(photo.light.size()) {
-                true => {
-                    Some([jpeg(&photo.light, usize::MAX)?, jpeg(&outcome.picture, usize::MAX)?])
-                }
+                true => Some([jpeg(&photo.light, usize::MAX)?, jpeg(&picture, usize::MAX)?]),
                 false => None,
             },
+            result: None,
+        };
+        // The result of a large photo needs the memory.
+        drop(picture);
+        Ok(Encoded {
             result: match outcome.verdict {
                 Verdict::Untouched => None,
                 Verdict::Sound | Verdict::Replaced => {
-                    Some(encode(&photo.name, &outcome.picture, &photo.manner, grey)?)
+                    Some(encode(&photo.name, delivered, &photo.manner, grey)?)
                 }
             },
+            ..encoded
         })
     }
 }

@@ -7,7 +7,7 @@
 
 mod resize;
 
-pub use resize::resize;
+pub use resize::{resize, resize_rows};
 
 use super::Plane;
 use super::instructions::{Kernel, multiply_add, run_fastest};
