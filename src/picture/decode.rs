@@ -37,10 +37,17 @@ pub struct Limits {
 }
 
 impl Limits {
-    /// The same limits for photos on `grid`.
+    /// The same limits for photos on `grid`, or what a photo of its sensor takes if that is more.
     #[must_use]
     pub fn on(self, grid: PhotoGrid) -> Limits {
-        Limits { grid: Some(grid), ..self }
+        let pixels = grid.sensor.area() as u64;
+        Limits {
+            pixels_max: self.pixels_max.max(pixels),
+            // Four samples of 16 bits a pixel.
+            bytes_max: self.bytes_max.max(8 * pixels),
+            grid: Some(grid),
+            ..self
+        }
     }
 }
 
@@ -367,6 +374,9 @@ mod tests {
         jpeg[sof + 5..sof + 9].copy_from_slice(&[0x2a, 0xf8, 0x3e, 0x80]);
         let flaw = decode(&jpeg, &Limits::default()).unwrap_err();
         assert!(flaw.to_string().contains("16000×11000"), "{flaw}");
+        // The rig's own photos are as large as its sensor.
+        let own = Limits::default().on(Size::new(8192, 6144).into());
+        assert_eq!((own.pixels_max, own.bytes_max), (8192 * 6144, 8 * 8192 * 6144));
     }
 
     #[test]
