@@ -11,8 +11,8 @@ use relens::chart::scenes::Scene;
 use relens::chart::test_rig::TestPhoto;
 use relens::config::{MethodName, RigFile};
 use relens::frame::{Channel, Channels, Frame, Plane, Rect, Size, Work};
-use relens::picture::{Photo, ReadOptions};
-use relens::pipeline::{Outcome, Pipeline, Verdict};
+use relens::picture::{Photo, ReadOptions, Tone};
+use relens::pipeline::{Outcome, PhotoData, Pipeline, Verdict};
 use relens::restorer::Restorer;
 use relens::restorer::on_rig::OnRig;
 use relens::rig::simulated;
@@ -137,4 +137,24 @@ fn noise_is_not_expected_to_show_the_pattern() {
     println!("{sensor:?}");
     // Both in standard errors.
     assert!((sensor.found - sensor.expected).abs() < 3.0, "{sensor:?}");
+}
+
+#[test]
+fn bad_sites_of_a_developed_photo_do_not_remain_in_its_data() {
+    let rig = load("truthful.toml");
+    let pipeline = Pipeline::new(&rig, &measured(&rig).unwrap()).unwrap();
+    let (_, witness) = simulated::open(&rig).unwrap();
+    let wall = Frame::from_fn(|_| Plane::filled(rig.photo.size(), 10.0));
+    let (codes, tone) = (witness.photograph(&wall, 3), Tone::of_curve(rig.photo.curve, 8));
+    let light: Frame<Work> = Frame::from_fn(|c| tone.plane(c, codes.plane(c)));
+    let observation = pipeline.prepare(PhotoData::developed(&light, Channels::Colour)).observation;
+    let prepared = observation.light.crop(observation.rect);
+    // Neither shading nor noise moves the light of a dark wall by 6 grey levels.
+    let spots = |of: &Frame<Work>| {
+        let green = of.plane(Channel::Green);
+        let mean = green.mean() as f32;
+        green.data().iter().filter(|&&v| (v - mean).abs() > 6.0).count()
+    };
+    println!("{} before, {} after", spots(&light), spots(&prepared));
+    assert!(spots(&light) > 0 && spots(&prepared) == 0);
 }
