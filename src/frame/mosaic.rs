@@ -198,8 +198,8 @@ fn mirrored(at: usize, length: usize) -> usize {
     if at < length { at } else { (2 * (length - 1)).saturating_sub(at) }
 }
 
-/// `out` interpolated by Lanczos's kernel of three lobes between lines of values, every second one
-/// 0, of which `line`(n) is n − [`LOBES_PX`] pixels away.
+/// Adds to `out`, zeros, the lines around it weighted by Lanczos's kernel of three lobes; every
+/// second value is 0, and `line`(n) lies n − [`LOBES_PX`] pixels from `out`.
 fn by_lanczos<'a>(out: &mut [f32], line: impl Fn(usize) -> &'a [f32]) {
     /// The kernel at ½, 1½ and 2½ between sites, normalised; it is 0 at all other sites.
     const WEIGHTS: [f32; 3] = [0.6114, -0.1359, 0.0245];

@@ -101,6 +101,7 @@ impl SensorMatch {
 /// The place of a photo on the canvas.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct FoundPhoto {
+    /// Rectangle on the canvas, pixels.
     pub(super) rect: Rect,
     /// How clearly it shows the pattern of the rig's sensor there, if that was measured.
     pub(super) sensor: Option<SensorMatch>,
@@ -146,7 +147,8 @@ impl Pipeline {
     }
 }
 
-/// The places in `field` where the details of `photo` have most of the gain pattern of `sites`.
+/// The [`PLACES_TRIED`] places in `field`, on the canvas, where the details of `photo` have most of
+/// the gain pattern of `sites`: largest products, the likeliest first.
 fn likely_places(photo: &Frame<Work>, tone: &Tone, sites: &SiteGains, field: Rect) -> Vec<Rect> {
     let size = photo.size();
     let mut codes = Plane::zeros(size);
