@@ -31,16 +31,13 @@ use crate::deconvolution::focus::{SpectralFinding, check_spectrum};
 use crate::deconvolution::jpeg::{JpegTerm, Stated, coded_twice};
 use crate::deconvolution::lens_model::Beyond;
 use crate::deconvolution::observation::{Developed, Jpeg, Observation, Raw};
+use crate::deconvolution::smoothing;
 use crate::frame::{Channel, Channels, Coding, FULL_SCALE, Frame, Plane, RawSites, Rect, Work};
 use crate::picture::Tone;
 
 /// Photo values at or above this share of full scale count as saturated (8-bit files clip at 255;
 /// the code below it counts as data).
 pub const SATURATION_SHARE: f32 = 0.998;
-
-/// Reach of the pixels that stand for a missing one, beyond the 3×3 over which interpolation
-/// spreads a bad site.
-const FILL_PX: usize = 2;
 
 /// Note for a JPEG that was coded before.
 const CODED_TWICE: &str = "this JPEG was made from another JPEG with coarser steps: it is restored \
@@ -334,27 +331,13 @@ impl Pipeline {
     }
 }
 
-/// Replaces the missing pixels of a photo by the mean of the others near them: a hot site would
-/// remain in the start of a solve.
+/// Replaces the missing pixels of a photo by a continuation of the others: a hot site would remain
+/// in the start of a solve.
 fn fill_missing(observation: &mut Observation) {
     let rect = observation.rect;
-    let near = |at: usize, end: usize| at.saturating_sub(FILL_PX)..(at + FILL_PX + 1).min(end);
     for c in Channel::ALL {
-        let (trust, light) = (observation.trust.plane(c), observation.light.plane(c));
-        let is_missing = |&(x, y): &(usize, usize)| trust.at(x, y) == MISSING;
-        let filled = |(x, y): (usize, usize)| {
-            let columns = near(x, rect.columns().end);
-            let around =
-                near(y, rect.rows().end).flat_map(|v| columns.clone().map(move |u| (u, v)));
-            let valid = around.filter(|place| !is_missing(place)).map(|(u, v)| light.at(u, v));
-            let values: Vec<f32> = valid.collect();
-            let mean = values.iter().sum::<f32>() / values.len() as f32;
-            (!values.is_empty()).then_some((x, y, mean))
-        };
-        let pixels = rect.rows().flat_map(|y| rect.columns().map(move |x| (x, y)));
-        let filled: Vec<_> = pixels.filter(is_missing).filter_map(filled).collect();
-        let light = observation.light.plane_mut(c);
-        filled.into_iter().for_each(|(x, y, mean)| light.set(x, y, mean));
+        let is_missing = observation.trust.plane(c).crop(rect).map(|trust| trust == MISSING);
+        smoothing::fill(observation.light.plane_mut(c), &is_missing, rect);
     }
 }
 
