@@ -17,6 +17,7 @@ mod jpeg;
 mod jpeg_coder;
 mod jpeg_files;
 mod judging;
+mod learned;
 mod likeness;
 mod lines;
 mod made;
@@ -106,6 +107,8 @@ enum Experiment {
     Binned,
     /// Time and quality of the rig's own method
     Pace,
+    /// A learned prior beside shrinkage and block matching, without captures
+    Learned,
     /// Speed against accuracy of the program's methods and a raw developer's sharpening
     SpeedAccuracy,
     /// Gain of captures where the measured lens is wrong
@@ -130,7 +133,7 @@ fn main() -> ExitCode {
 fn run(options: &Options) -> Result<(), Failure> {
     use Experiment::{
         Binned, Colour, ColourCrops, Conditions, Figures, Focus, Foreign, Jpeg, JpegFiles, Judging,
-        Pace, Regimes, SpeedAccuracy, Stability, Strange, Worth, WrongModels,
+        Learned, Pace, Regimes, SpeedAccuracy, Stability, Strange, Worth, WrongModels,
     };
     let Options { what, out, quick, rows, pictures, .. } = options;
     if let Some(group) = options.group {
@@ -173,6 +176,7 @@ fn run(options: &Options) -> Result<(), Failure> {
         (Binned, _) => binned::run(&rig, *quick, options.times, &options.binnings),
         (Focus, _) => focus::run(&rig, *quick),
         (Pace, _) => pace::run(&rig, *quick),
+        (Learned, _) => learned::rows::run(&rig, *quick),
         (Regimes, _) => regimes::run(&rig),
         (Worth, _) => worth::run(&rig, *quick),
         (Figures, _) => figures::run(&rig, out),

@@ -5,6 +5,7 @@ use relens::chart::scenes::Scene;
 use relens::chart::table::Table;
 use relens::chart::test_rig::PHOTO_SEED;
 use relens::config::RigFile;
+use relens::deconvolution::method::Method;
 use relens::frame::{Channels, Frame, Work};
 use relens::picture::{Limits, Photo, Tone};
 use relens::pipeline::{PhotoData, method};
@@ -20,8 +21,20 @@ const JPEG_QUALITY: u32 = 90;
 
 const SCENES: [Scene; 3] = [Scene::Astronaut, Scene::Coffee, Scene::Rocket];
 
-/// Restores a photo of each photograph and scores it; two photographs if `quick`.
+/// A method under a name of the table; an empty one is not written.
+pub(crate) type Named = (String, Box<dyn Method>);
+
+/// Restores a photo of each photograph by the rig's own method and scores it; two photographs if
+/// `quick`.
 pub(crate) fn run(rig: &RigFile, quick: bool) -> Result<Made, Failure> {
+    let own: Box<dyn Method> = method(rig, rig.restore.method);
+    let table = measured(rig, &[(String::new(), own)], quick)?;
+    Ok(Made::table(format!("{}-pace", rig.name), table))
+}
+
+/// Restores a photo of each photograph by each of `methods` and scores it; two photographs if
+/// `quick`.
+pub(crate) fn measured(rig: &RigFile, methods: &[Named], quick: bool) -> Result<Table, Failure> {
     let (mut harness, _) = Harness::open(rig.clone())?;
     let (size, tone) = (rig.photo.size(), Tone::of_curve(rig.photo.curve, 8));
     let subjects = SCENES.into_iter().map(Subject::Of).chain((0..KEPT.len()).map(Subject::Kept));
@@ -32,7 +45,6 @@ pub(crate) fn run(rig: &RigFile, quick: bool) -> Result<Made, Failure> {
         rig.name
     );
     let mut table = Table::new(words, &head);
-    let own = method(rig, rig.restore.method);
     for (n, subject) in subjects.enumerate().take(if quick { 2 } else { usize::MAX }) {
         let codes = View { subject, quarter: None }.codes(size);
         let light = Frame::from_fn(|c| {
@@ -51,16 +63,19 @@ pub(crate) fn run(rig: &RigFile, quick: bool) -> Result<Made, Failure> {
             ("developed", Some(PhotoData::developed(&developed, Channels::Colour))),
             ("JPEG", Some(PhotoData::from(&jpeg))),
         ];
-        for (kind, data) in kinds {
-            let Some(data) = data else { continue };
+        let contests =
+            kinds.iter().flat_map(|(kind, data)| methods.iter().map(move |m| (kind, data, m)));
+        for (kind, data, (name, method)) in contests {
+            let Some(data) = *data else { continue };
             let (pipeline, devices) = harness.test_rig.parts();
             let begun = seconds();
             let prepared = pipeline.prepare(data);
-            let solved = pipeline.solve(devices, &prepared, &*own, &mut |_, _| {})?;
+            let solved = pipeline.solve(devices, &prepared, &**method, &mut |_, _| {})?;
             let seconds = seconds() - begun - solved.waited_seconds;
             let before = harness.test_rig.quality(data.light, &truth);
             let after = harness.test_rig.quality(&solved.picture, &truth);
-            let mut row = vec![subject.name().to_owned(), kind.to_owned()];
+            let data = format!("{kind} {name}");
+            let mut row = vec![subject.name().to_owned(), data.trim_end().to_owned()];
             row.push(format!("{:.2}", seconds * 1e6 / size.area() as f64));
             for quality in [before, after] {
                 row.push(format!("{:.4}", quality.ssim));
@@ -71,5 +86,5 @@ pub(crate) fn run(rig: &RigFile, quick: bool) -> Result<Made, Failure> {
             table.row(row);
         }
     }
-    Ok(Made::table(format!("{}-pace", rig.name), table))
+    Ok(table)
 }

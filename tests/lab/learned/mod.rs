@@ -1,0 +1,104 @@
+//! A learned prior beside shrinkage and block matching: a method of the laboratory, as it does not
+//! earn its place in the box (`tests/tables/README.md`).
+//!
+//! Half-quadratic splitting as in block matching: turns of a data step by the lens's local inverse
+//! and a pass of the network.
+
+mod denoiser;
+mod network;
+pub(crate) mod rows;
+
+use relens::deconvolution::data_term::{NOISE_MIN, residual_in_place};
+use relens::deconvolution::forward_convolution::ForwardConvolution;
+use relens::deconvolution::method::digital::Digital;
+use relens::deconvolution::method::{About, Method, MethodError, Problem, Solution, Watch};
+use relens::frame::{Channel, FULL_SCALE, Plane};
+
+use denoiser::denoise;
+use network::Network;
+
+/// Weights by `prior/train.py`.
+const WEIGHTS: &[u8] = include_bytes!("../prior/weights.bin");
+/// Largest standard deviation of the data step's prior, grey levels, as in block matching.
+const TAU_MAX: f32 = 14.0;
+
+/// The method's properties.
+const ABOUT: About = About { name: "learned", starts_from_lens: true };
+
+/// Rounds of data step and network after a solve with the lens model.
+pub(crate) struct Learned {
+    digital: Digital,
+    network: Network,
+    rounds: Rounds,
+}
+
+/// The rounds' parameters.
+#[derive(Clone, Copy)]
+pub(crate) struct Rounds {
+    /// Steps with the lens model before them.
+    pub(crate) steps: u32,
+    pub(crate) count: u32,
+    /// Standard deviation τ of the data step's prior in the first and the last round, in noise σ of
+    /// the photo.
+    pub(crate) over_noise: [f32; 2],
+    /// Noise that the network assumes, in τ.
+    pub(crate) assumed: f32,
+}
+
+impl Learned {
+    /// The method with the weights of the tree.
+    pub(crate) fn new(rounds: Rounds) -> Learned {
+        let network = Network::parse(WEIGHTS).expect("the file has all weights");
+        let digital = Digital { steps: rounds.steps, ..Digital::default() };
+        Learned { digital, network, rounds }
+    }
+}
+
+impl Method for Learned {
+    fn about(&self) -> &'static About {
+        &ABOUT
+    }
+
+    fn solve(
+        &self,
+        problem: &Problem<'_>,
+        optics: &mut dyn ForwardConvolution,
+        watch: &mut Watch<'_>,
+    ) -> Result<Solution, MethodError> {
+        let start = self.digital.solve(problem, optics, watch)?;
+        let mut picture = start.picture;
+        let Rounds { count, over_noise: [first, last], assumed, .. } = self.rounds;
+        for round in 0..count {
+            let done = round as f32 / (count - 1).max(1) as f32;
+            let over_noise = first * (last / first).powf(done);
+            let noise = |c: Channel| problem.observation.pixel_noise(c).max(NOISE_MIN);
+            let tau = |c: Channel| (noise(c) * over_noise).min(TAU_MAX);
+            let ratio =
+                |c: Channel| problem.observation.pixels_a_datum(c) * (noise(c) / tau(c)).powi(2);
+            let mut planes =
+                Channel::ALL.map(|c| data_step(problem, c, picture.plane(c), ratio(c)));
+            let sigma = Channel::ALL.map(|c| assumed * tau(c));
+            let round = round as usize;
+            denoise(&self.network, &mut planes, sigma, [round % 2, round / 2 % 2]);
+            for (c, mut plane) in Channel::ALL.into_iter().zip(planes) {
+                plane.data_mut().iter_mut().for_each(|v| *v = v.clamp(0.0, FULL_SCALE));
+                *picture.plane_mut(c) = plane;
+            }
+        }
+        Ok(Solution { prediction: Some(problem.predict(&picture)), picture, ..start })
+    }
+}
+
+/// argmin ‖K̂L − B‖² + `ratio` ‖L − `near`‖², by the lens's local inverse.
+fn data_step(problem: &Problem<'_>, c: Channel, near: &Plane, ratio: f32) -> Plane {
+    let Problem { observation, model, .. } = problem;
+    let mut residual = Plane::zeros(near.size());
+    model.forward(c, near, &mut residual);
+    residual_in_place(&mut residual, observation.light.plane(c), observation.trust.plane(c));
+    residual.scale(observation.weight(c));
+    let inverse = model.local_inverse(c, ratio, observation.density(c));
+    let mut picture = Plane::zeros(near.size());
+    model.invert(&inverse, &residual, &mut picture);
+    picture.update(near, |v, near| *v = near - *v);
+    picture
+}
