@@ -21,14 +21,14 @@ const JPEG_QUALITY: u32 = 90;
 
 const SCENES: [Scene; 3] = [Scene::Astronaut, Scene::Coffee, Scene::Rocket];
 
-/// A method under a name of the table; an empty one is not written.
+/// A method under its name in the table.
 pub(crate) type Named = (String, Box<dyn Method>);
 
 /// Restores a photo of each photograph by the rig's own method and scores it; two photographs if
 /// `quick`.
 pub(crate) fn run(rig: &RigFile, quick: bool) -> Result<Made, Failure> {
     let own: Box<dyn Method> = method(rig, rig.restore.method);
-    let table = measured(rig, &[(String::new(), own)], quick)?;
+    let table = measured(rig, &[(own.name().to_owned(), own)], quick)?;
     Ok(Made::table(format!("{}-pace", rig.name), table))
 }
 
@@ -38,7 +38,8 @@ pub(crate) fn measured(rig: &RigFile, methods: &[Named], quick: bool) -> Result<
     let (mut harness, _) = Harness::open(rig.clone())?;
     let (size, tone) = (rig.photo.size(), Tone::of_curve(rig.photo.curve, 8));
     let subjects = SCENES.into_iter().map(Subject::Of).chain((0..KEPT.len()).map(Subject::Kept));
-    let head = ["photo", "data", "s/MP", "photo: SSIM", "dB", "ΔE", "result: SSIM", "dB", "ΔE"];
+    let head =
+        ["photo", "data, method", "s/MP", "photo: SSIM", "dB", "ΔE", "result: SSIM", "dB", "ΔE"];
     let words = format!(
         "{}, {size}: processor seconds per megapixel without the simulator, luminance SSIM and \
          PSNR, ΔE at edges.",
@@ -74,8 +75,7 @@ pub(crate) fn measured(rig: &RigFile, methods: &[Named], quick: bool) -> Result<
             let seconds = seconds() - begun - solved.waited_seconds;
             let before = harness.test_rig.quality(data.light, &truth);
             let after = harness.test_rig.quality(&solved.picture, &truth);
-            let data = format!("{kind} {name}");
-            let mut row = vec![subject.name().to_owned(), data.trim_end().to_owned()];
+            let mut row = vec![subject.name().to_owned(), format!("{kind}, {name}")];
             row.push(format!("{:.2}", seconds * 1e6 / size.area() as f64));
             for quality in [before, after] {
                 row.push(format!("{:.4}", quality.ssim));

@@ -23,7 +23,7 @@ const TAU_FIRST: f32 = 20.0;
 const TAU_LAST: f32 = 6.0;
 /// Largest τ, grey levels: the error of what the lens stops is as large as scenes are there,
 /// however noisy the photo. A larger τ removes texture as faint as the noise.
-const TAU_MAX: f32 = 14.0;
+pub const TAU_MAX: f32 = 14.0;
 /// Share of the lens model's error that counts as noise.
 const MODEL_ERROR_SHARE: f32 = 0.5;
 /// Factor on the noise that the filter assumes. The guide has less power than the scene, and
@@ -97,7 +97,7 @@ impl Blocks {
                 observation.pixels_a_datum(c) * (error / tau(c)).powi(2)
             };
             let uncertain = problem
-                .frame_of(|c| data_step(target, c, picture.plane(c), residual.plane(c), ratio(c)));
+                .frame_of(|c| problem.data_step(c, picture.plane(c), residual.plane(c), ratio(c)));
             let noises = passed.iter().zip(&errors).map(|(passed, &(c, error))| {
                 let undone = BlockNoise::deconvolved(passed, error.powi(2), tau(c).powi(2));
                 undone.scaled(ASSUMED_NOISE).within(problem.model.field().x).masked(target.mask)
@@ -151,16 +151,4 @@ fn filter_colours(
     for &c in channels {
         guide.plane_mut(c).data_mut().iter_mut().for_each(|v| *v = v.clamp(0.0, FULL_SCALE));
     }
-}
-
-/// argmin ‖K̂L − B‖² + `ratio` ‖L − `near`‖² from the `residual` K̂ near − B, by the local inverse.
-fn data_step(target: Target<'_>, c: Channel, near: &Plane, residual: &Plane, ratio: f32) -> Plane {
-    let (observation, model) = (target.problem.observation, target.problem.model);
-    let inverse = model.local_inverse(c, ratio, observation.density(c));
-    let mut weighted = residual.clone();
-    weighted.scale(observation.weight(c));
-    let mut picture = Plane::zeros(near.size());
-    model.invert(&inverse, &weighted, &mut picture);
-    picture.update(near, |v, near| *v = near - *v);
-    picture
 }

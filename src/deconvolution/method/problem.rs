@@ -106,6 +106,19 @@ impl<'a> Problem<'a> {
         self.observation.residual_rms(Channel::Green, prediction.plane(Channel::Green))
     }
 
+    /// argmin ‖K̂L − B‖² + `ratio` ‖L − `near`‖² in `channel` by the lens's local inverse, from the
+    /// `residual` K̂ near − B; planes on the canvas, grey levels.
+    pub fn data_step(&self, channel: Channel, near: &Plane, residual: &Plane, ratio: f32) -> Plane {
+        let (observation, model) = (self.observation, self.model);
+        let inverse = model.local_inverse(channel, ratio, observation.density(channel));
+        let mut weighted = residual.clone();
+        weighted.scale(observation.weight(channel));
+        let mut picture = Plane::zeros(near.size());
+        model.invert(&inverse, &weighted, &mut picture);
+        picture.update(near, |v, near| *v = near - *v);
+        picture
+    }
+
     /// A frame of the planes that `make` gives for the solved channels, black in others.
     pub fn frame_of(&self, make: impl Fn(Channel) -> Plane + Sync) -> Frame<Work> {
         let channels = self.observation.channels.list();

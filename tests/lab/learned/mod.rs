@@ -2,7 +2,7 @@
 //! earn its place in the box (`tests/tables/README.md`).
 //!
 //! Half-quadratic splitting as in block matching: turns of a data step by the lens's local inverse
-//! and a pass of the network.
+//! and a pass of the network. A JPEG's data are its decoded pixels here, not its coefficients.
 
 mod denoiser;
 mod network;
@@ -10,17 +10,18 @@ pub(crate) mod rows;
 
 use relens::deconvolution::data_term::{NOISE_MIN, residual_in_place};
 use relens::deconvolution::forward_convolution::ForwardConvolution;
+use relens::deconvolution::method::blocks::TAU_MAX;
 use relens::deconvolution::method::digital::Digital;
-use relens::deconvolution::method::{About, Method, MethodError, Problem, Solution, Watch};
-use relens::frame::{Channel, FULL_SCALE, Plane};
+use relens::deconvolution::method::{
+    About, Certificate, Method, MethodError, Problem, Solution, Watch,
+};
+use relens::frame::{Channel, FULL_SCALE};
 
 use denoiser::denoise;
 use network::Network;
 
 /// Weights by `prior/train.py`.
 const WEIGHTS: &[u8] = include_bytes!("../prior/weights.bin");
-/// Largest standard deviation of the data step's prior, grey levels, as in block matching.
-const TAU_MAX: f32 = 14.0;
 
 /// The method's properties.
 const ABOUT: About = About { name: "learned", starts_from_lens: true };
@@ -37,6 +38,7 @@ pub(crate) struct Learned {
 pub(crate) struct Rounds {
     /// Steps with the lens model before them.
     pub(crate) steps: u32,
+    /// Their number, at least 1.
     pub(crate) count: u32,
     /// Standard deviation τ of the data step's prior in the first and the last round, in noise σ of
     /// the photo.
@@ -66,17 +68,20 @@ impl Method for Learned {
         watch: &mut Watch<'_>,
     ) -> Result<Solution, MethodError> {
         let start = self.digital.solve(problem, optics, watch)?;
-        let mut picture = start.picture;
+        let (observation, mut picture) = (problem.observation, start.picture);
         let Rounds { count, over_noise: [first, last], assumed, .. } = self.rounds;
         for round in 0..count {
             let done = round as f32 / (count - 1).max(1) as f32;
             let over_noise = first * (last / first).powf(done);
-            let noise = |c: Channel| problem.observation.pixel_noise(c).max(NOISE_MIN);
+            let noise = |c: Channel| observation.pixel_noise(c).max(NOISE_MIN);
             let tau = |c: Channel| (noise(c) * over_noise).min(TAU_MAX);
-            let ratio =
-                |c: Channel| problem.observation.pixels_a_datum(c) * (noise(c) / tau(c)).powi(2);
-            let mut planes =
-                Channel::ALL.map(|c| data_step(problem, c, picture.plane(c), ratio(c)));
+            let ratio = |c: Channel| observation.pixels_a_datum(c) * (noise(c) / tau(c)).powi(2);
+            let mut seen = problem.predict(&picture);
+            let mut planes = Channel::ALL.map(|c| {
+                let residual = seen.plane_mut(c);
+                residual_in_place(residual, observation.light.plane(c), observation.trust.plane(c));
+                problem.data_step(c, picture.plane(c), residual, ratio(c))
+            });
             let sigma = Channel::ALL.map(|c| assumed * tau(c));
             let round = round as usize;
             denoise(&self.network, &mut planes, sigma, [round % 2, round / 2 % 2]);
@@ -85,20 +90,8 @@ impl Method for Learned {
                 *picture.plane_mut(c) = plane;
             }
         }
-        Ok(Solution { prediction: Some(problem.predict(&picture)), picture, ..start })
+        let prediction = Some(problem.predict(&picture));
+        let certificate = Certificate::uncertified(problem);
+        Ok(Solution { prediction, ..Solution::of(picture, start.record, certificate) })
     }
-}
-
-/// argmin ‖K̂L − B‖² + `ratio` ‖L − `near`‖², by the lens's local inverse.
-fn data_step(problem: &Problem<'_>, c: Channel, near: &Plane, ratio: f32) -> Plane {
-    let Problem { observation, model, .. } = problem;
-    let mut residual = Plane::zeros(near.size());
-    model.forward(c, near, &mut residual);
-    residual_in_place(&mut residual, observation.light.plane(c), observation.trust.plane(c));
-    residual.scale(observation.weight(c));
-    let inverse = model.local_inverse(c, ratio, observation.density(c));
-    let mut picture = Plane::zeros(near.size());
-    model.invert(&inverse, &residual, &mut picture);
-    picture.update(near, |v, near| *v = near - *v);
-    picture
 }

@@ -1,4 +1,5 @@
-//! The network of the learned prior: 3×3 convolutions over cells of 32 numbers.
+//! The network of the learned prior: 3×3 convolutions over cells of 32 numbers, as `prior/net.py`
+//! defines it.
 
 use half::f16;
 use relens::frame::instructions::{Kernel, multiply_add, run_fastest};
@@ -26,12 +27,16 @@ pub(super) type Cell = [f32; WIDTH];
 
 /// A rectangle of cells, by rows.
 pub(super) struct Cells {
+    /// Columns.
     pub(super) width: usize,
+    /// Rows.
     pub(super) height: usize,
+    /// The cells, row by row.
     pub(super) cells: Vec<Cell>,
 }
 
 impl Cells {
+    /// Cells of zeros.
     pub(super) fn new(width: usize, height: usize) -> Cells {
         Cells { width, height, cells: vec![[0.0; WIDTH]; width * height] }
     }

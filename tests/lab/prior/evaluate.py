@@ -1,6 +1,6 @@
 """Held-out table: PSNR of display values of a run beside wavelets and BM3D.
 
-python evaluate.py DATA --run NAME [--bm3d]
+    python evaluate.py DATA --run NAME [--others]
 """
 
 import argparse

@@ -1,4 +1,4 @@
-"""What the net will see: pictures after a regularised inverse of a lens, with noise of many kinds.
+"""Inputs of training: pictures after the regularised inverse of a lens, with noise of many kinds.
 
 Pictures and noise are in grey levels of linear light, 0..255.
 """
