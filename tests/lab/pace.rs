@@ -38,8 +38,18 @@ pub(crate) fn measured(rig: &RigFile, methods: &[Named], quick: bool) -> Result<
     let (mut harness, _) = Harness::open(rig.clone())?;
     let (size, tone) = (rig.photo.size(), Tone::of_curve(rig.photo.curve, 8));
     let subjects = SCENES.into_iter().map(Subject::Of).chain((0..KEPT.len()).map(Subject::Kept));
-    let head =
-        ["photo", "data, method", "s/MP", "photo: SSIM", "dB", "ΔE", "result: SSIM", "dB", "ΔE"];
+    let head = [
+        "photo",
+        "data, method",
+        "s/MP",
+        "photo: SSIM",
+        "dB",
+        "ΔE",
+        "result: SSIM",
+        "dB",
+        "ΔE",
+        "captures",
+    ];
     let words = format!(
         "{}, {size}: processor seconds per megapixel without the simulator, luminance SSIM and \
          PSNR, ΔE at edges.",
@@ -82,6 +92,7 @@ pub(crate) fn measured(rig: &RigFile, methods: &[Named], quick: bool) -> Result<
                 row.push(format!("{:.2}", quality.psnr_db));
                 row.push(format!("{:.2}", quality.edge_difference.unwrap_or(f64::NAN)));
             }
+            row.push(solved.captures.to_string());
             log::info!("{}", row.join(" "));
             table.row(row);
         }

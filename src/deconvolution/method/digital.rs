@@ -135,9 +135,9 @@ impl Digital {
         watch: &mut Watch<'_>,
     ) -> (Frame<Work>, IterationRecord) {
         let Some(binned) = BinnedProblem::of(problem) else {
-            let sampling = &problem.observation.sampling;
-            let along_axes = structure.axes.as_ref().map(|_| sampling.steps_along_axes(self.steps));
-            let method = Digital { steps: along_axes.unwrap_or(self.steps), ..*self };
+            let has_axes = structure.axes.is_some();
+            let steps = problem.observation.sampling.solve_steps(self.steps, has_axes);
+            let method = Digital { steps, ..*self };
             return method.solve_from_filter(problem, structure, watch);
         };
         let mut course = Course::new(problem.stopwatch);

@@ -267,8 +267,7 @@ impl<'a> Run<'a> {
         let blocks = method.digital.blocks;
         let blocks =
             blocks.map(|blocks| Blocks { model_error: Channel::ALL.map(fine_power), ..blocks });
-        let steps = observation.sampling.correction_steps(method.correction_steps);
-        let correction = Digital { steps, blocks, ..method.digital };
+        let correction = Digital { steps: method.correction_steps, blocks, ..method.digital };
         let norms = defect.as_deref().map(|d| self.careful_norms(&candidate.picture, d));
         let norms = norms.as_ref().unwrap_or(problem.level_norms);
         let PhotoStructure { mask, axes } = &self.structure;

@@ -41,7 +41,7 @@ impl Sampling for Raw {
     }
 
     /// Steps between sites are shorter, and the axes save none.
-    fn steps_along_axes(&self, steps: u32) -> u32 {
+    fn solve_steps(&self, steps: u32, _has_axes: bool) -> u32 {
         steps
     }
 

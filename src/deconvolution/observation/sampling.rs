@@ -69,14 +69,10 @@ pub trait Sampling: std::fmt::Debug + Send + Sync {
         AxisStarts { count: 2, noise_to_signal: 0.05 }
     }
 
-    /// Steps of a solve that starts along the colour axes, of the `steps` it takes otherwise.
-    fn steps_along_axes(&self, steps: u32) -> u32 {
-        (3 * steps).div_ceil(4)
-    }
-
-    /// Steps of a correction, of the `steps` that the method asks for.
-    fn correction_steps(&self, steps: u32) -> u32 {
-        steps
+    /// Steps of a solve, of the `steps` that the method asks for; fewer from a start along the
+    /// colour axes.
+    fn solve_steps(&self, steps: u32, has_axes: bool) -> u32 {
+        if has_axes { (3 * steps).div_ceil(4) } else { steps }
     }
 
     /// Factors on the thresholds of the two finest wavelet levels, for each opponent colour.
