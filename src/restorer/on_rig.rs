@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use super::binned::BinnedPhoto;
 use super::photo_file::{self, SensorFacts, TakenPhoto};
-use super::progress::ProgressCounter;
+use super::progress::{ProgressCounter, STARTED};
 use super::{PanelView, Progress, Restorer, baseline, diffuser, operating_point, provenance};
 use crate::calibration::{Calibration, store};
 use crate::config;
@@ -190,11 +190,7 @@ impl Restorer for OnRig {
     ) -> Result<Outcome, AnyFailure> {
         // The last photo's pictures do not belong to this one, whatever comes of it.
         self.last = None;
-        let (starts_from_lens, captures_max) =
-            (self.method.about().starts_from_lens, self.method.captures_max());
-        let mut counter = ProgressCounter::new(&self.setting, starts_from_lens, captures_max);
-        progress(counter.progress());
-        let mut watch = |step: &Step, _: Option<&Frame<Work>>| progress(counter.count(step));
+        progress(STARTED);
         let camera = photo.camera.as_ref();
         if let Some(raw) = photo.raw
             && let Some(flaw) = provenance::other_camera(&self.config, camera, raw)
@@ -225,6 +221,10 @@ impl Restorer for OnRig {
         if photo.is_side_guessed && !prepared.shows_sensor() {
             return Ok(Outcome::untouched(solved.clone(), UPRIGHT));
         }
+        let steps = prepared.observation.sampling.solve_steps(self.setting.steps, false);
+        let mut counter =
+            ProgressCounter::new(&Setting { steps, ..self.setting }, self.method.as_ref());
+        let mut watch = |step: &Step, _: Option<&Frame<Work>>| progress(counter.count(step));
         let Restoration { mut outcome, .. } =
             self.pipeline.restore(&mut self.devices, &prepared, &*self.method, &mut watch)?;
         if photo.raw.is_some() {

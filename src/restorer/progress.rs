@@ -1,13 +1,16 @@
 //! The progress of a restoration, from the steps and captures of its method.
 
 use super::Progress;
-use crate::deconvolution::method::Step;
+use crate::deconvolution::method::{Method, Step};
 use crate::pipeline::Setting;
 
 /// Share of the solve before any correction: most photos need one solve and one capture.
 const FIRST_SHARE: f32 = 0.8;
 /// Largest share before the result is judged.
 const UNJUDGED_MAX: f32 = 0.99;
+
+/// The progress before any step.
+pub(super) const STARTED: Progress = Progress { done: 0.0, doing: "solving", captures: 0 };
 
 /// Counts the steps of one photo.
 #[derive(Debug, Clone)]
@@ -22,22 +25,18 @@ pub(super) struct ProgressCounter {
 }
 
 impl ProgressCounter {
-    /// The counter for a method with the numbers of `setting`, of at most `captures_max` captures.
-    /// Steps count where the method starts from the lens model, captures elsewhere.
-    pub(super) fn new(setting: &Setting, starts_from_lens: bool, captures_max: u32) -> Self {
-        let captures_max = captures_max as f32;
+    /// The counter for `method` with the numbers of `setting`. Steps count where the method starts
+    /// from the lens model, captures elsewhere.
+    pub(super) fn new(setting: &Setting, method: &dyn Method) -> Self {
+        let captures_max = method.captures_max() as f32;
+        let starts_from_lens = method.about().starts_from_lens;
         ProgressCounter {
             first_steps: if starts_from_lens { setting.steps as f32 + 1.0 } else { 0.0 },
             more_steps: captures_max.max(1.0) * (1 + setting.correction_steps) as f32,
             captures_max,
             steps: 0.0,
-            shown: Progress { done: 0.0, doing: "solving", captures: 0 },
+            shown: STARTED,
         }
-    }
-
-    /// The progress now.
-    pub(super) fn progress(&self) -> Progress {
-        self.shown
     }
 
     /// The progress after `step`.

@@ -44,6 +44,7 @@ impl Sampling for Jpeg {
         self.term.is_data().then(|| self.term.redecoded(prediction))
     }
 
+    /// Before the first two steps, in which the prediction changes most, and then every third.
     fn updates_data_at(&self, step: u32) -> bool {
         self.term.is_data() && (step == 2 || step % 3 == 1)
     }
