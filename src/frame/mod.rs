@@ -18,6 +18,7 @@ mod once;
 mod plane;
 pub mod resample;
 mod space;
+mod square;
 mod steps;
 
 pub use bands::{CoarseResult, DeliveredPicture, bands_of};
@@ -28,7 +29,9 @@ pub use mosaic::{Mosaic, RawSites};
 pub(crate) use npy::read_npy_f32;
 pub use once::once;
 pub use plane::{PhotoGrid, Plane, Rect, Size};
+
 pub use space::{Codes, Counts, Frame, PanelSpace, SensorSpace, Work};
+pub use square::SquarePlace;
 pub use steps::{at_step, step_of};
 
 /// Full scale of linear light in Work space (the paper's 0..255).

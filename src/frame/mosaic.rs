@@ -149,7 +149,7 @@ impl Mosaic {
     }
 
     /// Nearest sites of `channel` around (`x`, `y`), as offsets 0..3 from the upper left neighbour.
-    fn nearest(self, channel: Channel, x: usize, y: usize) -> &'static [(usize, usize)] {
+    pub(super) fn nearest(self, channel: Channel, x: usize, y: usize) -> &'static [(usize, usize)] {
         const SELF: [(usize, usize); 1] = [(1, 1)];
         const SIDES: [(usize, usize); 2] = [(0, 1), (2, 1)];
         const ENDS: [(usize, usize); 2] = [(1, 0), (1, 2)];

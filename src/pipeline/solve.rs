@@ -46,6 +46,7 @@ impl Pipeline {
             model: &lens.model,
             norm_squared: norms.squared,
             level_norms: &norms.levels,
+            pixel_norms: &lens.norms.levels,
             capture_mosaic: self.correction.layout().canvas_mosaic(),
             capture_noise: self.capture_noise,
             stopwatch: &*self.stopwatch,

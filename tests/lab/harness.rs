@@ -8,6 +8,7 @@ use relens::chart::test_rig::{PHOTO_SEED, Score, TestPhoto, TestRig, seen};
 use relens::config::RigFile;
 use relens::deconvolution::forward_convolution::ForwardConvolution;
 use relens::deconvolution::lens_model::LensFunctions;
+use relens::deconvolution::level_norms::LevelNorms;
 use relens::deconvolution::method::{About, Method, MethodError, Problem, Solution, Watch};
 use relens::frame::{Channel, Frame, Plane, Work};
 use relens::measurement::{calibrate, to_the_end};
@@ -243,10 +244,11 @@ impl Method for Longer {
         optics: &mut dyn ForwardConvolution,
         watch: &mut Watch<'_>,
     ) -> Result<Solution, MethodError> {
-        let level_norms =
-            problem.level_norms.each_ref().map(|norms| norms.scaled(1.0 / self.times));
+        let scaled = |norms: &[LevelNorms; 3]| norms.each_ref().map(|n| n.scaled(1.0 / self.times));
+        let (level_norms, pixel_norms) = (scaled(problem.level_norms), scaled(problem.pixel_norms));
         let norm_squared = problem.norm_squared.map(|norm| norm / self.times);
-        let problem = Problem { norm_squared, level_norms: &level_norms, ..*problem };
+        let (level_norms, pixel_norms) = (&level_norms, &pixel_norms);
+        let problem = Problem { norm_squared, level_norms, pixel_norms, ..*problem };
         self.method.solve(&problem, optics, watch)
     }
 }

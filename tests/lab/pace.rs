@@ -24,8 +24,8 @@ const SCENES: [Scene; 3] = [Scene::Astronaut, Scene::Coffee, Scene::Rocket];
 /// A method under its name in the table.
 pub(crate) type Named = (String, Box<dyn Method>);
 
-/// Restores a photo of each photograph by the rig's own method and scores it; two photographs if
-/// `quick`.
+/// Restores a photo of each photograph and of a chart by the rig's own method and scores it; two
+/// photographs if `quick`.
 pub(crate) fn run(rig: &RigFile, quick: bool) -> Result<Made, Failure> {
     let own: Box<dyn Method> = method(rig, rig.restore.method);
     let table = measured(rig, &[(own.name().to_owned(), own)], quick)?;
@@ -37,7 +37,8 @@ pub(crate) fn run(rig: &RigFile, quick: bool) -> Result<Made, Failure> {
 pub(crate) fn measured(rig: &RigFile, methods: &[Named], quick: bool) -> Result<Table, Failure> {
     let (mut harness, _) = Harness::open(rig.clone())?;
     let (size, tone) = (rig.photo.size(), Tone::of_curve(rig.photo.curve, 8));
-    let subjects = SCENES.into_iter().map(Subject::Of).chain((0..KEPT.len()).map(Subject::Kept));
+    let photographs = SCENES.into_iter().map(Subject::Of).chain((0..KEPT.len()).map(Subject::Kept));
+    let subjects = photographs.chain([Subject::Of(Scene::Chart)]);
     let head = [
         "photo",
         "data, method",

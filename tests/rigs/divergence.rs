@@ -153,6 +153,7 @@ fn no_method_diverges_under_faults() {
             model: &model,
             norm_squared: [1.0 / wrong.norms; 3],
             level_norms: &norms,
+            pixel_norms: &norms,
             capture_mosaic: None,
             capture_noise: observation.noise,
             is_hopeless: None,

@@ -1,14 +1,15 @@
 //! A lens model on pixels binned by two.
 
 use super::{LensFunctions, LensModel, LensModelError};
-use crate::frame::{Channel, Size};
+use crate::frame::{Channel, Size, SquarePlace};
 
 impl LensModel {
-    /// The lens from scenes of squares of two by two pixels to the means over such squares.
+    /// The lens from scenes on pixels binned by two, enlarged by bicubic interpolation, to data
+    /// that hold the light of each channel's `places` in a square.
     ///
     /// # Errors
     /// When a side of the canvas is odd.
-    pub fn binned(&self) -> Result<LensModel, LensModelError> {
+    pub fn binned(&self, places: &[Vec<SquarePlace>; 3]) -> Result<LensModel, LensModelError> {
         let Size { width, height } = self.canvas;
         if !width.is_multiple_of(2) || !height.is_multiple_of(2) {
             return Err(LensModelError(format!(
@@ -18,7 +19,7 @@ impl LensModel {
         }
         let margin = self.field.x.div_ceil(2);
         let photo = Size::new(width / 2 - 2 * margin, height / 2 - 2 * margin);
-        let mut model = LensModel::new(photo, margin, &self.functions.binned())?;
+        let mut model = LensModel::new(photo, margin, &self.functions.binned(places))?;
         for (binned, own) in model.broad.iter_mut().zip(&self.broad) {
             *binned = own.as_ref().and_then(|broad| broad.binned(model.canvas));
         }
@@ -27,36 +28,61 @@ impl LensModel {
 }
 
 impl LensFunctions {
-    fn binned(&self) -> LensFunctions {
+    fn binned(&self, places: &[Vec<SquarePlace>; 3]) -> LensFunctions {
         let own = self.support_px;
-        let reach = (own / 2).div_ceil(2);
+        // Of the function, of the square's kernel and of an interpolated pixel's sites.
+        let reach = (own / 2 + 5) / 2;
         let taps = Channel::ALL.map(|c| {
             let functions = self.taps[c.index()].chunks_exact(own * own);
-            functions.flat_map(|function| binned_function(function, own, reach)).collect()
+            let places = &places[c.index()];
+            functions.flat_map(|function| binned_function(function, own, reach, places)).collect()
         });
         LensFunctions { support_px: 2 * reach + 1, taps, ..*self }
     }
 }
 
-/// The taps of `function`, whose support is `own` pixels wide, between squares up to `reach`
-/// squares apart: a pixel of one square and a pixel of the other are −1 to 1 pixels more or less
-/// apart, once, twice and once along each axis.
-fn binned_function(function: &[f32], own: usize, reach: usize) -> Vec<f32> {
-    const PAIRS: [(isize, f32); 3] = [(-1, 0.25), (0, 0.5), (1, 0.25)];
-    let (centre, side, reach) = ((own / 2) as isize, own as isize, reach as isize);
-    let tap = |x: isize, y: isize| {
-        let (x, y) = (x + centre, y + centre);
-        let is_inside = (0..side).contains(&x) && (0..side).contains(&y);
-        if is_inside { function[(y * side + x) as usize] } else { 0.0 }
+/// Keys' cubic kernel of the square of columns 0 and 1 at columns −3 to 4
+/// ([`resize`](crate::frame::resample::resize)).
+const ENLARGED: [f32; 8] = [
+    -0.023_437_5,
+    -0.070_312_5,
+    0.226_562_5,
+    0.867_187_5,
+    0.867_187_5,
+    0.226_562_5,
+    -0.070_312_5,
+    -0.023_437_5,
+];
+
+/// The taps of `function`, whose support is `own` pixels wide, from squares up to `reach` squares
+/// away to a square's `places`.
+fn binned_function(function: &[f32], own: usize, reach: usize, places: &[SquarePlace]) -> Vec<f32> {
+    // The light of one enlarged square through the lens.
+    let wide = own + ENLARGED.len() - 1;
+    let (mut along_x, mut seen) = (vec![0.0; own * wide], vec![0.0; wide * wide]);
+    for (row, from) in along_x.chunks_exact_mut(wide).zip(function.chunks_exact(own)) {
+        for (x, tap) in from.iter().enumerate() {
+            row[x..].iter_mut().zip(ENLARGED).for_each(|(sum, weight)| *sum += weight * tap);
+        }
+    }
+    for (y, from) in along_x.chunks_exact(wide).enumerate() {
+        for (n, weight) in ENLARGED.into_iter().enumerate() {
+            let row = seen[(y + n) * wide..].iter_mut().zip(from);
+            row.for_each(|(sum, tap)| *sum += weight * tap);
+        }
+    }
+    // Pixels of `seen` before the square's first.
+    let (before, reach) = ((own / 2 + 3) as isize, reach as isize);
+    let at = |x: isize, y: isize| {
+        let (x, y) = (x + before, y + before);
+        let is_inside = (0..wide as isize).contains(&x) && (0..wide as isize).contains(&y);
+        if is_inside { seen[y as usize * wide + x as usize] } else { 0.0 }
     };
     let mut taps = Vec::new();
     for down in -reach..=reach {
         for right in -reach..=reach {
-            let row = |(dy, weight): (isize, f32)| {
-                let along = PAIRS.map(|(dx, weight)| weight * tap(2 * right + dx, 2 * down + dy));
-                weight * along.iter().sum::<f32>()
-            };
-            taps.push(4.0 * PAIRS.map(row).iter().sum::<f32>());
+            let light = |p: &SquarePlace| p.share * at(2 * right + p.x, 2 * down + p.y);
+            taps.push(places.iter().map(light).sum());
         }
     }
     taps
@@ -66,26 +92,45 @@ fn binned_function(function: &[f32], own: usize, reach: usize) -> Vec<f32> {
 mod tests {
     use super::*;
     use crate::deconvolution::lens_model::{Beyond, Halo};
-    use crate::frame::Plane;
-    use crate::frame::binning::bin;
+    use crate::frame::resample::resize;
+    use crate::frame::{Mosaic, Plane};
 
     #[test]
-    fn the_binned_lens_is_the_mean_of_the_lens_over_squares() {
+    fn the_binned_lens_sees_an_enlarged_scene_at_the_places_of_squares() {
         let taps: Vec<f32> = (0..49).map(|t| ((t * 37) % 11) as f32 / 245.0).collect();
         let taps = [(); 3].map(|()| taps.clone());
         let functions = LensFunctions { rows: 1, columns: 1, support_px: 7, taps };
         let halo = |_| vec![Halo { radius_px: 24.0, share: 0.1 }];
         let model = LensModel::new(Size::new(88, 72), 4, &functions).unwrap();
         let model = model.with_broad_light(&Channel::ALL.map(halo), Beyond::Dark).unwrap();
-        let binned = model.binned().unwrap();
-        let scene = Plane::from_fn(binned.canvas(), |x, y| ((x * 31 + y * 17) % 101) as f32);
-        let squares = Plane::from_fn(model.canvas(), |x, y| scene.at(x / 2, y / 2));
-        let (mut seen, mut own) = (Plane::zeros(scene.size()), squares.clone());
-        binned.forward(Channel::Green, &scene, &mut seen);
-        model.forward(Channel::Green, &squares, &mut own);
-        seen.add_scaled(-1.0, &bin(&own, 2));
-        assert!(seen.rms() < 0.05, "{}", seen.rms());
+        let kinds = [
+            Channel::each(|_| SquarePlace::pixels()),
+            Channel::each(|c| SquarePlace::sites(Mosaic::Gbrg, c)),
+            Channel::each(|c| SquarePlace::interpolated(Mosaic::Gbrg, c)),
+        ];
+        for places in kinds {
+            let binned = model.binned(&places).unwrap();
+            let scene = Plane::from_fn(binned.canvas(), |x, y| ((x * 31 + y * 17) % 101) as f32);
+            let enlarged = resize(&scene, model.canvas());
+            for c in Channel::ALL {
+                let (mut seen, mut own) = (Plane::zeros(scene.size()), enlarged.clone());
+                binned.forward(c, &scene, &mut seen);
+                model.forward(c, &enlarged, &mut own);
+                // Off the border, which enlarging repeats.
+                for y in 5..scene.height() - 5 {
+                    for x in 5..scene.width() - 5 {
+                        let at = |p: &SquarePlace| {
+                            let [x, y] = [2 * x as isize + p.x, 2 * y as isize + p.y];
+                            p.share * own.at(x as usize, y as usize)
+                        };
+                        let expected: f32 = places[c.index()].iter().map(at).sum();
+                        let off = (seen.at(x, y) - expected).abs();
+                        assert!(off < 0.05, "{c:?} at {x}, {y}: {off}, {places:?}");
+                    }
+                }
+            }
+        }
         let odd = LensModel::new(Size::new(87, 72), 4, &functions).unwrap();
-        assert!(odd.binned().is_err(), "an odd width");
+        assert!(odd.binned(&Channel::each(|_| SquarePlace::pixels())).is_err(), "an odd width");
     }
 }

@@ -1,13 +1,15 @@
 //! A problem on pixels binned by two: the first of a solve's two levels.
 //!
 //! Through a wide lens the photo's own grid carries little that binned pixels do not. A step on
-//! these costs a quarter, and few at the own grid bring the rest.
+//! these costs a quarter, and few at the own grid bring the rest. The residual there shows whether
+//! they do.
 
 use super::Problem;
 use crate::deconvolution::colour_axis::width_px;
 use crate::deconvolution::lens_model::LensModel;
 use crate::deconvolution::level_norms::LevelNorms;
 use crate::deconvolution::observation::Observation;
+use crate::frame::Channel;
 
 /// Least width of a lens's functions for two levels, pixels. At 3.8 px photos gain 0.1 dB, narrower
 /// ones nothing or lose (`tests/tables/README.md`).
@@ -30,8 +32,9 @@ impl BinnedProblem {
             return None;
         }
         let observation = own.binned()?;
-        let model = problem.model.binned().ok()?;
-        let level_norms = problem.level_norms.each_ref().map(LevelNorms::binned);
+        let places = Channel::each(|c| own.light_of_square(c));
+        let model = problem.model.binned(&places).ok()?;
+        let level_norms = problem.pixel_norms.each_ref().map(LevelNorms::binned);
         Some(BinnedProblem { observation, model, level_norms })
     }
 

@@ -7,10 +7,6 @@
 //! shows beyond the known d, shrunk by its noise: a defect below the noise is not corrected, and
 //! when a capture shows nothing new, d is complete.
 //!
-//! With block matching as the prior the first capture is of the wavelet solution: its defect hardly
-//! differs, and block matching, most of the cost, runs once and not twice. A scene of nothing but
-//! edges loses by it.
-//!
 //! With a poor model the corrected candidate can overshoot. Light is linear: the photograph of
 //! L + α(L′ − L) is y + α(y′ − y), so the best α follows from the two captures, and the optical
 //! residual never grows. α may exceed 1 after a correction of a few steps; not after one by block
@@ -98,12 +94,8 @@ impl Method for Hybrid {
             if capture == last && last > 1 {
                 break;
             }
-            let mut defect = match run.find_defect(&candidate, capture == 1) {
-                Finding::Defect(defect) => Some(defect),
-                Finding::Unfiltered => None,
-                Finding::Finished => break,
-            };
-            let (picture, prediction) = run.correct(&candidate, defect.as_mut(), watch);
+            let Some(mut defect) = run.find_defect(&candidate, capture == 1) else { break };
+            let (picture, prediction) = run.correct(&candidate, &mut defect, watch);
             if capture == last {
                 // The only capture is spent: no light certifies the correction.
                 run.certificate.optical_residual = None;
@@ -112,7 +104,7 @@ impl Method for Hybrid {
             }
             let seen = problem.capture(optics, &prediction, &picture)?;
             let longest = if self.digital.blocks.is_some() { STEP_MAX_BY_BLOCKS } else { STEP_MAX };
-            let corrected = Candidate { picture, prediction, seen, defect };
+            let corrected = Candidate { picture, prediction, seen, defect: Some(defect) };
             candidate.step_towards(&corrected, problem, longest);
         }
         Ok(run.finish(candidate))
@@ -140,16 +132,6 @@ struct Run<'a> {
     certificate: Certificate,
 }
 
-/// What a candidate's capture shows.
-enum Finding {
-    /// A defect d of the model, on the canvas, linear light.
-    Defect(Frame<Work>),
-    /// No defect; block matching has not solved the candidate yet.
-    Unfiltered,
-    /// A solved photo, or a hopeless one.
-    Finished,
-}
-
 impl<'a> Run<'a> {
     fn new(
         method: &'a Hybrid,
@@ -170,14 +152,14 @@ impl<'a> Run<'a> {
         self.problem.observation.channels.list()
     }
 
-    /// The solution by wavelets with the measured lens, and its capture.
+    /// The solution with the measured lens, and its capture.
     fn first_candidate(
         &mut self,
         optics: &mut dyn ForwardConvolution,
         watch: &mut Watch<'_>,
     ) -> Result<Candidate, MethodError> {
-        let by_wavelets = Digital { blocks: None, ..self.method.digital };
-        let (picture, steps) = by_wavelets.solve_photo(self.problem, &self.structure, watch);
+        let digital = self.method.digital;
+        let (picture, steps) = digital.solve_photo(self.problem, &self.structure, watch);
         self.course.extend(&steps, 0, 0.0);
         let prediction = self.problem.predict(&picture);
         let seen = self.problem.capture(optics, &prediction, &picture)?;
@@ -198,26 +180,29 @@ impl<'a> Run<'a> {
         watch(&step, Some(&candidate.picture));
     }
 
-    /// The defect of the model at `candidate`, with the known one.
-    fn find_defect(&self, candidate: &Candidate, is_first: bool) -> Finding {
+    /// The defect d of the model at `candidate`, with the known one, on the canvas, linear light;
+    /// `None` for a solved photo, or a hopeless one.
+    fn find_defect(&self, candidate: &Candidate, is_first: bool) -> Option<Frame<Work>> {
         let (problem, channels) = (self.problem, self.channels());
         let unexplained = candidate.seen.unexplained(&candidate.prediction, channels);
         if is_first && problem.is_hopeless.is_some_and(|test| test(&candidate.prediction)) {
-            return Finding::Finished;
+            return None;
         }
         let mut light = self.measure_defect(unexplained, candidate);
-        let over_floor = |&c: &Channel| light.plane(c).rms() as f32 / problem.noise_floor(c);
-        let size = channels.iter().map(over_floor).fold(0.0, f32::max);
-        if size <= DEFECT_FLOOR {
-            let is_unfiltered = is_first && self.method.digital.blocks.is_some();
-            return if is_unfiltered { Finding::Unfiltered } else { Finding::Finished };
+        // Interpolated pixels share the noise of their datum.
+        let over_floor = |&c: &Channel| {
+            let shared = problem.observation.pixels_a_datum(c).sqrt();
+            light.plane(c).rms() as f32 / (shared * problem.noise_floor(c))
+        };
+        if channels.iter().map(over_floor).fold(0.0, f32::max) <= DEFECT_FLOOR {
+            return None;
         }
         if let Some(known) = &candidate.defect {
             for &c in channels {
                 light.plane_mut(c).add_scaled(1.0, known.plane(c));
             }
         }
-        Finding::Defect(light)
+        Some(light)
     }
 
     /// What is `unexplained` beyond the known defect, (y − K̂L) − d, with its noise shrunk away;
@@ -252,7 +237,7 @@ impl<'a> Run<'a> {
     fn correct(
         &mut self,
         candidate: &Candidate,
-        mut defect: Option<&mut Frame<Work>>,
+        defect: &mut Frame<Work>,
         watch: &mut Watch<'_>,
     ) -> (Frame<Work>, Frame<Work>) {
         let (method, problem) = (self.method, self.problem);
@@ -260,16 +245,14 @@ impl<'a> Run<'a> {
         // A coarse defect hardly changes with the picture; a fine one does, and its error counts as
         // noise.
         let fine_power = |c: Channel| {
-            let power = |defect: &Frame<Work>| method.detail_powers(defect.plane(c)).iter().sum();
-            let power: f64 = defect.as_deref().map_or(0.0, power);
+            let power: f64 = method.detail_powers(defect.plane(c)).iter().sum();
             (power / problem.size().area() as f64).sqrt() as f32
         };
         let blocks = method.digital.blocks;
         let blocks =
             blocks.map(|blocks| Blocks { model_error: Channel::ALL.map(fine_power), ..blocks });
         let correction = Digital { steps: method.correction_steps, blocks, ..method.digital };
-        let norms = defect.as_deref().map(|d| self.careful_norms(&candidate.picture, d));
-        let norms = norms.as_ref().unwrap_or(problem.level_norms);
+        let norms = &self.careful_norms(&candidate.picture, defect);
         let PhotoStructure { mask, axes } = &self.structure;
         // B − d in place of d, and back.
         let subtract_from_photo = |defect: &mut Frame<Work>| {
@@ -278,22 +261,17 @@ impl<'a> Run<'a> {
                 defect.plane_mut(c).update(photo, |value, photo| *value = photo - *value);
             }
         };
-        if let Some(defect) = &mut defect {
-            subtract_from_photo(defect);
-        }
-        let data = defect.as_deref().unwrap_or(&observation.light);
-        let target = Target { problem, data, mask, axes: axes.as_ref(), norms };
-        let start =
-            Start::Picture { picture: &candidate.picture, prediction: &candidate.prediction };
+        subtract_from_photo(defect);
+        let target = Target { problem, data: defect, mask, axes: axes.as_ref(), norms };
+        let Candidate { picture, prediction, .. } = candidate;
+        let start = Start::Picture { picture: picture.clone(), prediction: prediction.clone() };
         let (picture, steps) = correction.solve_from(target, start, watch);
-        if let Some(defect) = &mut defect {
-            subtract_from_photo(defect);
-        }
+        subtract_from_photo(defect);
         let prediction = problem.predict(&picture);
         let last = self.course.record.steps().last();
         let (captures, seconds) = last.map_or((0, 0.0), |last| (last.captures, last.seconds));
         self.course.extend(&steps, captures, seconds);
-        self.certificate.corrections += u32::from(defect.is_some());
+        self.certificate.corrections += 1;
         (picture, prediction)
     }
 

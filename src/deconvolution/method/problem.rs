@@ -32,6 +32,8 @@ pub struct Problem<'a> {
     /// Share of each wavelet level's power that the lens passes, per channel: the step lengths of
     /// solves with the lens model.
     pub level_norms: &'a [LevelNorms; 3],
+    /// The same of K at all pixels, for solves on binned ones.
+    pub pixel_norms: &'a [LevelNorms; 3],
     /// The filters over the canvas where captures are valid at a sensor's raw sites only.
     pub capture_mosaic: Option<Mosaic>,
     /// Noise σ of one capture per channel, grey levels.
@@ -99,6 +101,17 @@ impl<'a> Problem<'a> {
     /// K̂ of `picture` in the solved channels.
     pub fn predict(&self, picture: &Frame<Work>) -> Frame<Work> {
         self.model.seen(self.observation.channels.list(), picture)
+    }
+
+    /// RMS(K̂L − B) of a `prediction` in σ of the photo's noise, over the solved channels.
+    pub(super) fn residual_over_noise(&self, prediction: &Frame<Work>) -> f32 {
+        let observation = self.observation;
+        let channels = observation.channels.list();
+        let power = |&c: &Channel| {
+            let noise = observation.noise[c.index()].max(NOISE_MIN);
+            (observation.residual_rms(c, prediction.plane(c)) / noise).powi(2)
+        };
+        (channels.iter().map(power).sum::<f32>() / channels.len() as f32).sqrt()
     }
 
     /// RMS(K̂L − B) of a `prediction` in the green channel, grey levels.

@@ -4,12 +4,28 @@ use std::sync::Arc;
 
 use super::Observation;
 use crate::deconvolution::data_term::{MISSING, SATURATED, TRUSTED};
-use crate::frame::binning::bin;
-use crate::frame::{Channel, Frame, Plane, Rect, Size, Work};
+use crate::frame::{Channel, Frame, Plane, Rect, Size, SquarePlace, Work};
 
 impl Observation {
-    /// The means over squares of two by two pixels; `None` for data without such means, and a
-    /// canvas that does not divide by two.
+    /// The data of `channel` in a square of two by two pixels.
+    fn data_of_square(&self, channel: Channel) -> Vec<SquarePlace> {
+        match self.sampling.mosaic() {
+            Some(mosaic) => SquarePlace::sites(mosaic, channel),
+            None => SquarePlace::pixels(),
+        }
+    }
+
+    /// The places whose light the mean over the data of a square holds: interpolated pixels hold
+    /// that of sites, if their camera interpolated bilinearly.
+    pub fn light_of_square(&self, channel: Channel) -> Vec<SquarePlace> {
+        match self.sampling.interpolated() {
+            Some(mosaic) => SquarePlace::interpolated(mosaic, channel),
+            None => self.data_of_square(channel),
+        }
+    }
+
+    /// The means over the data of each square of two by two pixels; `None` for data without such
+    /// means, and a canvas that does not divide by two.
     pub fn binned(&self) -> Option<Observation> {
         let Size { width, height } = self.size();
         if !width.is_multiple_of(2) || !height.is_multiple_of(2) {
@@ -20,21 +36,26 @@ impl Observation {
         let Rect { x: left, y: top, size } = self.rect;
         let (x, y) = (left.div_ceil(2), top.div_ceil(2));
         let size = Size::new((left + size.width) / 2 - x, (top + size.height) / 2 - y);
+        let data = Channel::each(|c| self.data_of_square(c));
+        let light = |c: Channel| {
+            let (own, data) = (self.light.plane(c), &data[c.index()]);
+            Plane::from_fn(half, |x, y| data.iter().map(|p| p.share * p.of(own, x, y)).sum())
+        };
         let trust = |c: Channel| {
-            let own = self.trust.plane(c);
+            let (own, data) = (self.trust.plane(c), &data[c.index()]);
             Plane::from_fn(half, |x, y| {
-                let (left, top) = (2 * x, 2 * y);
-                let classes =
-                    [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(x, y)| own.at(left + x, top + y));
-                let found = [MISSING, SATURATED].into_iter().find(|class| classes.contains(class));
-                found.unwrap_or(TRUSTED)
+                let is_any = |class: &u8| data.iter().any(|p| p.of(own, x, y) == *class);
+                [MISSING, SATURATED].into_iter().find(is_any).unwrap_or(TRUSTED)
             })
         };
         // Noise that interpolation spread remains in part: between σ of white noise and the
         // datum's own, the geometric mean gains most (`tests/tables/README.md`).
-        let noise = |c: Channel| self.pixels_a_datum(c).powf(0.25) * self.data_noise(c) / 2.0;
+        let noise = |c: Channel| {
+            let data = data[c.index()].len() as f32;
+            self.pixels_a_datum(c).powf(0.25) * self.data_noise(c) / data.sqrt()
+        };
         Some(Observation {
-            light: Frame::from_fn(|c| bin(self.light.plane(c), 2)),
+            light: Frame::from_fn(light),
             trust: Frame::<Work, u8>::from_fn(trust),
             rect: Rect { x, y, size },
             channels: self.channels,
@@ -63,6 +84,13 @@ mod tests {
         assert_eq!(trust, [MISSING, SATURATED, TRUSTED]);
         assert_eq!(binned.noise, own.noise.map(|sigma| sigma / 2.0));
         own.sampling = Arc::new(Raw { mosaic: Mosaic::Grbg });
-        assert!(own.binned().is_none(), "raw sites");
+        let sites = own.binned().unwrap();
+        let light = |c: Channel, x, y| own.light.plane(c).at(x, y);
+        assert_eq!(sites.light.plane(Channel::Red).at(15, 10), light(Channel::Red, 31, 20));
+        let green = 0.5 * (light(Channel::Green, 30, 20) + light(Channel::Green, 31, 21));
+        assert_eq!(sites.light.plane(Channel::Green).at(15, 10), green);
+        let trust = Channel::ALL.map(|c| sites.trust.plane(c).at(15, 10));
+        assert_eq!(trust, [MISSING, SATURATED, TRUSTED]);
+        assert_eq!(sites.noise[0], own.noise[0]);
     }
 }

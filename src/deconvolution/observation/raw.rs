@@ -1,6 +1,5 @@
 //! A sensor's sites behind colour filters, before any interpolation.
 
-use super::Developed;
 use super::sampling::{AxisStarts, DataKind, Sampling};
 use crate::frame::{Channel, Mosaic};
 
@@ -23,11 +22,6 @@ impl Sampling for Raw {
 
     fn mosaic(&self) -> Option<Mosaic> {
         Some(self.mosaic)
-    }
-
-    /// Two levels lose on raw charts, 0.014 SSIM and 0.45 dB (`tests/tables/README.md`).
-    fn binned(&self) -> Option<Developed> {
-        None
     }
 
     /// The wider the blur, the less of a scene is finer than the distance between sites, and the

@@ -54,7 +54,8 @@ pub trait Sampling: std::fmt::Debug + Send + Sync {
         false
     }
 
-    /// The data as means over squares of two by two pixels; `None` where they have no such means.
+    /// The kind of the means over the data in squares of two by two pixels; `None` where they have
+    /// no such means.
     fn binned(&self) -> Option<Developed> {
         Some(Developed { interpolated: None, has_blocks: !self.has_colour_axes() })
     }
