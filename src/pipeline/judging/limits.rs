@@ -72,6 +72,9 @@ pub(super) const FLAT: f32 = 2.0;
 pub(super) const GRAIN_SEEN: f32 = 2.5;
 /// Grain over that of the other picture above which it is more than that. Set on the limits.
 pub(super) const GRAIN_TIMES: f32 = 2.0;
+/// Grain over that which is seen and that of the photo, above which a result harms. Set on the
+/// limits: sound results have 0.96 at most, harmful ones that nothing else names 1.30.
+pub(super) const GRAIN: f64 = 1.1;
 
 /// Fine colour that is seen, units of CIE L\*a\*b\*. Set on the limits.
 pub(super) const FINE_COLOUR_SEEN: f64 = 1.5;

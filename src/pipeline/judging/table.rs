@@ -2,7 +2,7 @@
 //! its [limits](super::limits) and the user's sentence.
 
 use super::evidence::unexplained_product;
-use super::limits::{DISTANCE, DOTTED, EXCESS_LIGHT, FOREIGN, NO_GAIN};
+use super::limits::{DISTANCE, DOTTED, EXCESS_LIGHT, FOREIGN, GRAIN, NO_GAIN};
 use super::measures::{self, Case, compared};
 
 /// Unit of a measure.
@@ -99,8 +99,8 @@ pub const WITNESSES: [WitnessRow; 8] = [
         name: "grain",
         unit: Unit::Times,
         measure: measures::grain,
-        suspect_above: Some(1.0),
-        harm_above: Some(1.0),
+        suspect_above: Some(GRAIN),
+        harm_above: Some(GRAIN),
         sentence: "the flat parts of the result were grainier than the photo's ({found} what is \
                    allowed)",
     },
