@@ -248,7 +248,6 @@ mod tests {
                 let own = LevelNorms::measure(&model, c, 3, 20, 1).binned();
                 let measured = LevelNorms::measure(&binned, c, 2, 20, 1);
                 let shares = [0, 1, 2].map(|level| measured.at(level) / own.at(level));
-                println!("{} places, {c:?}: {shares:.2?}", places[c.index()].len());
                 assert!(shares.iter().all(|share| (0.6..1.02).contains(share)), "{c:?} {shares:?}");
             }
         }

@@ -206,7 +206,7 @@ fn model_based_methods_sharpen_the_photo_and_count_captures() {
         digital: Digital { blocks: Some(Blocks { rounds: 4, model_error: [0.0; 3] }), ..digital() },
         ..hybrid
     };
-    // Block matching comes after the first capture; the second certifies it.
+    // The first capture shows no defect, and certifies either.
     let methods: [(&dyn Method, usize); 3] = [(&digital(), 0), (&hybrid, 1), (&matched, 1)];
     for (method, captures) in methods {
         let mut optics = ComputedOptics::new(&model, true);

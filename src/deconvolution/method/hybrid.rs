@@ -9,8 +9,8 @@
 //!
 //! With a poor model the corrected candidate can overshoot. Light is linear: the photograph of
 //! L + α(L′ − L) is y + α(y′ − y), so the best α follows from the two captures, and the optical
-//! residual never grows. α may exceed 1 after a correction of a few steps; not after one by block
-//! matching, whose prior is another than the first candidate's.
+//! residual never grows. α may exceed 1 after a correction of a few steps, which does not go all
+//! the way; not after one by block matching, which does.
 
 use rayon::prelude::*;
 

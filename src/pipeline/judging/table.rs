@@ -102,6 +102,6 @@ pub const WITNESSES: [WitnessRow; 8] = [
         suspect_above: Some(GRAIN),
         harm_above: Some(GRAIN),
         sentence: "the flat parts of the result were grainier than the photo's ({found} what is \
-                   allowed)",
+                   seen, allowed {allowed})",
     },
 ];
