@@ -2,12 +2,10 @@
 //!
 //! L is resampled once, to the panel; captures are cropped and corrected pixel by pixel, never
 //! resampled. The detail that L loses on the panel's square pixels
-//! ([`Correction::light_by_perfect_lens`]) is passed through the lens model and added to the
+//! ([`Correction::take_by_perfect_lens`]) is passed through the lens model and added to the
 //! capture.
 
-use rayon::prelude::*;
-
-use crate::calibration::correction::Correction;
+use crate::calibration::correction::{Correction, ShownLight};
 use crate::deconvolution::forward_convolution::{ForwardConvolution, Seen};
 use crate::deconvolution::lens_model::LensModel;
 use crate::deconvolution::panel_beat::ColumnWave;
@@ -107,31 +105,48 @@ impl LightPath<'_> {
         }
         let on_panel = self.correction.light_on_panel(picture);
         let codes = self.correction.show_light(&on_panel);
+        let lost = self.lost_detail(on_panel, predicted.is_none().then_some(picture));
         let begun = (self.stopwatch)();
         let exposed = self.rig.capture(&codes)?;
         self.waited_seconds += (self.stopwatch)() - begun;
+        drop(codes);
         let mut seen = self.correction.see(&exposed.counts);
-        let by_perfect_lens = self.correction.light_by_perfect_lens(&on_panel);
-        let pairs = Channel::ALL.into_iter().zip(seen.light.planes_mut());
-        pairs.collect::<Vec<_>>().into_par_iter().for_each(|(c, light)| {
-            // K_photo L − K_panel S for the panel's light S; without the photo's own focus
-            // K_panel (L − S).
-            let mut lacking = match predicted {
-                Some(_) => Plane::zeros(light.size()),
-                None => picture.plane(c).clone(),
-            };
-            lacking.add_scaled(-1.0, by_perfect_lens.plane(c));
-            // Nothing is lost where panel and sensor pixels coincide.
-            if lacking.rms() > LOST_MIN {
-                let mut lost = Plane::zeros(lacking.size());
-                self.panel.forward(c, &lacking, &mut lost);
-                light.add_scaled(1.0, &lost);
+        for (c, light) in Channel::ALL.into_iter().zip(seen.light.planes_mut()) {
+            if let Some(lost) = &lost[c.index()] {
+                light.add_scaled(1.0, lost);
             }
             if let Some(predicted) = predicted {
                 light.add_scaled(1.0, predicted.plane(c));
             }
-        });
+        }
         Ok(seen)
+    }
+
+    /// K (L − S) of each channel by the panel's lens K, for the panel's light S and the light L of
+    /// `picture`; −K S without a picture. `None` where nothing is lost: panel and sensor pixels
+    /// coincide.
+    fn lost_detail(
+        &self,
+        mut shown: ShownLight,
+        picture: Option<&Frame<Work>>,
+    ) -> [Option<Plane>; 3] {
+        // One channel after the other: the convolution keeps all cores busy by itself.
+        Channel::ALL.map(|c| {
+            let mut lacking = self.correction.take_by_perfect_lens(c, &mut shown);
+            lacking.scale(-1.0);
+            if let Some(picture) = picture {
+                lacking.add_scaled(1.0, picture.plane(c));
+            }
+            (lacking.rms() > LOST_MIN).then(|| {
+                let mut lost = Plane::zeros(lacking.size());
+                self.panel.forward(c, &lacking, &mut lost);
+                if self.photo.is_some() {
+                    // The photo is solved by its own lens.
+                    self.panel.release_spectra(c);
+                }
+                lost
+            })
+        })
     }
 }
 
@@ -154,7 +169,7 @@ impl ForwardConvolution for LightPath<'_> {
         self.capture(shown, Some(predicted))
     }
 
-    fn column_wave(&self) -> Option<&ColumnWave> {
+    fn column_wave(&self) -> Option<ColumnWave> {
         Some(self.correction.column_wave())
     }
 

@@ -7,8 +7,6 @@
 
 mod perfect_lens;
 
-use std::sync::OnceLock;
-
 use rayon::prelude::*;
 
 use super::curve::Inverse;
@@ -19,7 +17,7 @@ use crate::config::{self, Subpixels};
 use crate::deconvolution::forward_convolution::Seen;
 use crate::deconvolution::panel_beat::ColumnWave;
 use crate::frame::resample::warp;
-use crate::frame::{Channel, Codes, Counts, Frame, Mosaic, Plane, Rect, Size, Work, once};
+use crate::frame::{Channel, Codes, Counts, Frame, Mosaic, Plane, Rect, Size, Work};
 use crate::remedy::{Remediable, Remedy};
 
 /// Sizes of the devices and position of the photo on the sensor, from the rig file.
@@ -134,8 +132,6 @@ pub struct Correction {
     dark_corner: [Surface; 3],
     /// Unmixed counts per unit of light (0..255) where the dark corner is 1.
     counts_per_level: [f32; 3],
-    /// The wave of the panel's columns; computed on first use.
-    wave: OnceLock<ColumnWave>,
     /// Response of the sensor's sites, if measured.
     sites: Option<SiteGains>,
 }
@@ -185,14 +181,13 @@ impl Correction {
             black: calibration.black.clone(),
             dark_corner: calibration.dark_corner.clone(),
             counts_per_level: calibration.counts_per_level,
-            wave: OnceLock::new(),
             sites: SiteGains::new(&calibration.pattern, canvas, layout.canvas_mosaic()),
         })
     }
 
     /// The wave of the panel's columns on the canvas.
-    pub fn column_wave(&self) -> &ColumnWave {
-        once(&self.wave, || self.layout.column_wave(&self.geometry))
+    pub fn column_wave(&self) -> ColumnWave {
+        self.layout.column_wave(&self.geometry)
     }
 
     /// Response of the sensor's sites on the canvas; `None` if not measured.
@@ -309,35 +304,23 @@ impl Correction {
     pub fn see(&self, counts: &Counts) -> Seen {
         assert!(counts.size() == self.layout.sensor, "counts have the sensor's size");
         let Rect { x: left, y: top, size: canvas } = self.layout.canvas_on_sensor();
-        let mut light = Frame::<Work>::zeros(canvas);
-        let mut good = Plane::<u8>::zeros(canvas);
-        let width = canvas.width;
-        let black = Channel::each(|c| self.layout.on_canvas(&self.black[c.index()]));
-        let even = self.sites.as_ref().map(|sites| {
+        let over = {
+            let black = Channel::each(|c| self.layout.on_canvas(&self.black[c.index()]));
             let over = |c: Channel, x: usize, y: usize| {
                 let count = counts.plane(c).at(left + x, top + y);
                 self.count(count) - black[c.index()].at(x, y)
             };
-            sites.evened(Rect { x: 0, y: 0, size: canvas }, over)
-        });
-        let [red, green, blue] = light.planes_mut();
-        let [red, green, blue] = [red, green, blue].map(|c| c.data_mut().par_chunks_mut(width));
-        let rows = (red, green, blue, good.data_mut().par_chunks_mut(width));
-        let rows = rows.into_par_iter().enumerate().with_min_len(32);
-        rows.for_each(|(y, (red, green, blue, good))| {
-            let light = [red, green, blue];
-            let t = counts.planes().each_ref().map(|p| &p.row(top + y)[left..left + width]);
-            for (x, good) in good.iter_mut().enumerate() {
-                *good = u8::from(t[0][x].max(t[1][x]).max(t[2][x]) < self.layout.saturated);
+            match &self.sites {
+                Some(sites) => sites.evened(Rect { x: 0, y: 0, size: canvas }, over),
+                None => Frame::from_fn(|c| Plane::from_fn(canvas, |x, y| over(c, x, y))),
             }
-            if let Some(even) = &even {
-                let e = even.planes().each_ref().map(|plane| plane.row(y));
-                return self.unmixed(y, light, |x| [e[0][x], e[1][x], e[2][x]]);
-            }
-            let b = black.each_ref().map(|plane| plane.row(y));
-            let over = |c: usize, x: usize| self.count(t[c][x]) - b[c][x];
-            self.unmixed(y, light, |x| [over(0, x), over(1, x), over(2, x)]);
-        });
+        };
+        let light = self.unmixed(over);
+        let is_good = |x: usize, y: usize| {
+            let [r, g, b] = counts.planes().each_ref().map(|p| p.at(left + x, top + y));
+            u8::from(r.max(g).max(b) < self.layout.saturated)
+        };
+        let good = Plane::from_fn(canvas, is_good);
         let mosaic = self.layout.canvas_mosaic();
         // For means over several pixels, patched bad sites count as good.
         let sites = self.sites.as_ref().filter(|sites| sites.mosaic() == mosaic);
@@ -360,25 +343,26 @@ impl Correction {
         }
     }
 
-    /// Unmixes counts over black into the light of canvas row `y`.
-    fn unmixed(
-        &self,
-        y: usize,
-        [red, green, blue]: [&mut [f32]; 3],
-        over: impl Fn(usize) -> [f32; 3],
-    ) {
-        let g = Channel::ALL.map(|c| self.gains(c, y, red.len()));
-        for x in 0..red.len() {
-            let over = over(x);
-            let own = |to: usize| {
-                over[0] * self.unmix[0][to]
-                    + over[1] * self.unmix[1][to]
-                    + over[2] * self.unmix[2][to]
-            };
-            red[x] = own(0) * g[0][x];
-            green[x] = own(1) * g[1][x];
-            blue[x] = own(2) * g[2][x];
-        }
+    /// The light of counts `over` black.
+    fn unmixed(&self, mut over: Frame<Work>) -> Frame<Work> {
+        let width = over.size().width;
+        let [red, green, blue] = over.planes_mut().each_mut().map(|c| c.data_mut());
+        let [red, green, blue] = [red, green, blue].map(|c| c.par_chunks_mut(width));
+        let rows = (red, green, blue).into_par_iter().enumerate().with_min_len(32);
+        rows.for_each(|(y, (red, green, blue))| {
+            let gains = Channel::ALL.map(|c| self.gains(c, y, width));
+            for (x, ((r, g), b)) in red.iter_mut().zip(green).zip(blue).enumerate() {
+                let over = [*r, *g, *b];
+                let own = |to: usize| {
+                    over[0] * self.unmix[0][to]
+                        + over[1] * self.unmix[1][to]
+                        + over[2] * self.unmix[2][to]
+                };
+                let light = |c: usize| own(c) * gains[c][x];
+                (*r, *g, *b) = (light(0), light(1), light(2));
+            }
+        });
+        over
     }
 
     /// Light per unmixed count of `channel` in canvas row `y` of `width` pixels.

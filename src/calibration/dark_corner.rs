@@ -7,7 +7,7 @@ use crate::frame::{Plane, Rect};
 /// Side of the cell averaged to one sample, pixels.
 const CELL_PX: usize = 8;
 /// Knot intervals. Vignetting has even powers of the field; six by five intervals follow cos⁴ and a
-/// clipped pupil. Measured, see tests/tables/README.md.
+/// clipped pupil. Measured, see tests/tables/constants.md.
 const INTERVALS: (usize, usize) = (6, 5);
 /// Penalty on bending; small, as cells have little noise (guess).
 const BENDING: f64 = 1e-3;

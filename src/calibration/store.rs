@@ -1,10 +1,10 @@
 //! Storage of the calibration: two slots, of which at most one is being written.
 //!
 //! A slot is: magic (8 bytes), version (u32, little-endian), calibration (postcard), CRC-32 of all
-//! preceding bytes (u32, little-endian). The
-//! newer valid slot of this rig is used. A new calibration is written to a temporary file in the
-//! same folder, synchronised, and renamed over the other slot; then the folder is synchronised. One
-//! valid slot survives a power cut at any time.
+//! preceding bytes (u32, little-endian). The newer valid slot of this rig is used. A new
+//! calibration is written to a temporary file in the same folder, synchronised, and renamed over
+//! the other slot; then the folder is synchronised. One valid slot survives a power cut at any
+//! time.
 
 use std::io::{ErrorKind, Read};
 use std::path::{Path, PathBuf};

@@ -74,7 +74,7 @@ impl TestPhoto {
     }
 }
 
-/// PictureQuality of a picture against its scene.
+/// Quality of a picture against its scene.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PictureQuality {
     /// SSIM of the scored plane ([`seen`]).
@@ -100,9 +100,9 @@ pub struct Score {
     pub computing_seconds: f64,
     /// Measured residual over the noise, where a capture measured it.
     pub certificate: Option<f32>,
-    /// PictureQuality of the result.
+    /// Quality of the result.
     pub result: PictureQuality,
-    /// PictureQuality of the untouched photo.
+    /// Quality of the untouched photo.
     pub photo: PictureQuality,
 }
 
@@ -245,7 +245,7 @@ impl TestRig {
         })
     }
 
-    /// PictureQuality of `picture` against `truth`.
+    /// Quality of `picture` against `truth`.
     pub fn quality(&self, picture: &Frame<Work>, truth: &Frame<Work>) -> PictureQuality {
         let (curve, channels) = (self.config.photo.curve, self.channels());
         let [own, wanted] = [picture, truth].map(|frame| seen(curve, channels, frame));

@@ -16,7 +16,7 @@ use super::smoothing::{blur, halve, mean_around};
 use crate::frame::{Channel, Plane, Rect, Size};
 
 /// σ of the window of the regression, in widths of the equal blur: of 0.5, 1 and 2 that with the
-/// least scatter (`lab focus`, tests/tables/README.md).
+/// least scatter (`lab focus`).
 const REACH: f32 = 1.0;
 /// Residual of the regression, as a share of the details' power, up to which a place's channels lie
 /// along a line. Guess.

@@ -60,7 +60,7 @@ pub trait ForwardConvolution {
     }
 
     /// The wave of the panel's columns on the canvas; `None` without a panel.
-    fn column_wave(&self) -> Option<&ColumnWave> {
+    fn column_wave(&self) -> Option<ColumnWave> {
         None
     }
 

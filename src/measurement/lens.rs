@@ -29,7 +29,7 @@ pub(super) const CENTRING_PATTERNS: usize = 5;
 /// whole function, even where the rig file limits it to the middle, but no fine detail.
 const CENTRING_PIXEL_PX: usize = 2;
 /// Width of the functions during centring as a share of the rig file's, in such pixels: 1.7 times
-/// as wide on the sensor. Measured, see tests/tables/README.md.
+/// as wide on the sensor. Measured, see tests/tables/constants.md.
 const CENTRING_SHARE: f64 = 0.85;
 /// Rounds of conjugate gradients for centring, with many taps for few pixels.
 const CENTRING_ROUNDS: usize = 8;
@@ -283,7 +283,7 @@ fn measure_operator_error(
     found.undo(&mut seen, &predicted, &Channel::ALL);
     let trust = Frame::filled(model.canvas(), TRUSTED);
     let (wave, mosaic) = (correction.column_wave(), session.layout.mosaic);
-    panel_beat::remove_beats(&mut seen, &predicted, (&trust, place), wave, mosaic, &Channel::ALL);
+    panel_beat::remove_beats(&mut seen, &predicted, (&trust, place), &wave, mosaic, &Channel::ALL);
     for c in Channel::ALL {
         let (predicted, light) = (predicted.plane(c), seen.light.plane(c));
         calibration.operator_error[c.index()] =

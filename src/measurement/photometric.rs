@@ -8,7 +8,7 @@ use crate::config;
 use crate::frame::{Channel, Frame, Plane, Rect, SensorSpace, Size};
 use crate::patterns::{self, Gradation, GradationBlock};
 
-/// Gradations in each channel, each with its own shuffle. Measured, see tests/tables/README.md.
+/// Gradations in each channel, each with its own shuffle. Measured, see tests/tables/constants.md.
 pub(super) const GRADATIONS: usize = 3;
 /// Levels of a gradation: every fifth code, with seven blocks each on the default rig.
 const LEVELS: usize = 52;

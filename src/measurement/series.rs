@@ -238,22 +238,22 @@ fn remove_beat(
 ) {
     let layout = correction.layout();
     let support_px = session.config.calibration.function_support_px;
-    let margin = layout.margin_px;
+    let (margin, wave) = (layout.margin_px, correction.column_wave());
     for c in Channel::ALL {
         let inside = lens_blur::within_a_square(shown.plane(c), support_px);
         let is_fine = !inside.data().contains(&1);
         let expected = |light: f32| if is_fine { GREY } else { GREY + light };
-        let (trusted, wave) = (seen.trusted.plane(c), correction.column_wave());
+        let trusted = seen.trusted.plane(c);
         let beat = PanelBeat::estimate(&SeenChannel {
             light: seen.light.plane(c),
             predicted: &shown.plane(c).map(expected),
             valid: &|x, y| trusted.at(x, y) == TRUSTED && (is_fine || inside.at(x, y) == TRUSTED),
             photo: Rect { x: margin, y: margin, size: layout.photo },
-            wave,
+            wave: &wave,
             at_sites: layout.mosaic.is_some(),
         });
         if let Some(beat) = beat {
-            beat.remove(seen.light.plane_mut(c), wave);
+            beat.remove(seen.light.plane_mut(c), &wave);
         }
     }
 }

@@ -43,6 +43,8 @@ impl ModelError {
                 let once = seen(c, &chart);
                 let changed = misfit(&seen(c, &once), &once, &trusted, photo.x.min(photo.y));
                 let noise = self.noise[c.index()].sigma(once.mean() as f32);
+                // Most photos have a lens of their own.
+                model.release_spectra(c);
                 let missed = (self.held_out[c.index()].powi(2) - noise.powi(2)).max(0.0).sqrt();
                 missed / changed.max(f32::MIN_POSITIVE)
             })

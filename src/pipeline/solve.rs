@@ -4,7 +4,7 @@ use super::Pipeline;
 use super::stages::{BoundedLens, Prepared, Solved};
 use crate::deconvolution::forward_convolution::ForwardConvolution;
 use crate::deconvolution::method::{About, Method, MethodError, Problem, Solution, Watch};
-use crate::frame::{Frame, Work};
+use crate::frame::{Channel, Frame, Work};
 use crate::rig::exposure::Devices;
 
 impl Pipeline {
@@ -23,6 +23,7 @@ impl Pipeline {
         let (captures, seconds) = (path.captures(), path.seconds());
         if let Some(BoundedLens { model, .. }) = &photo.lens {
             path = path.at_focus_of(model);
+            Channel::ALL.iter().for_each(|&c| self.lens.model.release_spectra(c));
         }
         let solution = self.pose(photo, |problem| method.solve(problem, &mut path, watch))?;
         let solved = self.finish(photo, method.about(), solution);

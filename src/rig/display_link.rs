@@ -3,9 +3,8 @@
 //! A link that failed its training stays black until the mode is set again with `link-status` Good
 //! (Linux DRM documentation, "Standard Connector Properties"). A monitor that was off may need it,
 //! too, but a commit of an equal mode is no mode set (`drm_mode_equal` in drm_atomic_helper.c): the
-//! display is switched off first. A commit by a program that is not
-//! DRM master is refused with EACCES. The kernel is behind a trait, since no virtual display loses
-//! links.
+//! display is switched off first. A commit by a program that is not DRM master is refused with
+//! EACCES. The kernel is behind a trait, since no virtual display loses links.
 
 use super::RigError;
 

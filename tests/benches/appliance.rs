@@ -15,6 +15,7 @@
 #![allow(clippy::unwrap_used)]
 #![allow(clippy::print_stdout)]
 
+use std::io::{BufReader, Read};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 use std::time::Instant;
@@ -165,8 +166,7 @@ impl Stand {
         let read = ReadOptions::of(&self.rig).photo_of_file(photo, file).unwrap();
         restorer.restore(&read, &mut |_| {}).unwrap();
         for (n, counts) in frames.lock().unwrap().iter().enumerate() {
-            let planes: Vec<Plane> = counts.planes().iter().map(|p| p.map(f32::from)).collect();
-            store(&folder.join(frame_name(photo, n)), &planes);
+            store(&folder.join(frame_name(photo, n)), counts);
         }
     }
 
@@ -213,6 +213,8 @@ impl Stand {
             .env(RIG, self.name)
             .env(BINNING, binning.to_string())
             .env(PHOTO, photo)
+            // As in the unit.
+            .env("MALLOC_ARENA_MAX", "1")
             .status()
             .unwrap();
         assert!(ended.success());
@@ -227,14 +229,10 @@ fn frame_name(photo: &str, n: usize) -> String {
 /// Restores `photo` in `folder` as the box does, from file to file; prints the cost.
 fn restore_stored(folder: &Path, name: &str, binning: usize, photo: &str) {
     let rig = before_finer_pixels(rig(name), binning);
-    let mut frames = Vec::new();
-    while let Some(path) = Some(folder.join(frame_name(photo, frames.len()))).filter(|p| p.exists())
-    {
-        let planes = load(&path, rig.camera.size());
-        frames.push(Counts::from_planes(planes.map(|p| p.map(|v: f32| v as u16))));
-    }
+    let frames = (0..).map(|n| folder.join(frame_name(photo, n))).take_while(|path| path.exists());
     let clock = Steps::default();
-    let camera = StoredCamera { frames, binning, next: 0, clock: clock.clone() };
+    let (frames, size) = (frames.collect(), rig.camera.size());
+    let camera = StoredCamera { frames, size, binning, next: 0, clock: clock.clone() };
     let panel = NullPanel { size: rig.panel.size(), clock: clock.clone() };
     let devices = Devices::new(
         Box::new(panel),
@@ -292,18 +290,20 @@ fn processor_seconds() -> f64 {
     (ticks(11) + ticks(12)) / 100.0
 }
 
-fn store(path: &Path, planes: &[Plane]) {
-    let bytes = planes.iter().flat_map(|p| p.data()).flat_map(|v| v.to_le_bytes());
-    std::fs::write(PathBuf::from(path), bytes.collect::<Vec<u8>>()).unwrap();
+fn store(path: &Path, counts: &Counts) {
+    let bytes = counts.planes().iter().flat_map(|p| p.data()).flat_map(|v| v.to_le_bytes());
+    std::fs::write(path, bytes.collect::<Vec<u8>>()).unwrap();
 }
 
-fn load(path: &Path, size: Size) -> [Plane; 3] {
-    let bytes = std::fs::read(path).unwrap();
-    let values: Vec<f32> =
-        bytes.chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect();
-    let mut planes =
-        values.chunks_exact(size.area()).map(|v| Plane::from_vec(size, v.to_vec()).unwrap());
-    std::array::from_fn(|_| planes.next().unwrap())
+fn load(path: &Path, size: Size) -> Counts {
+    let mut file = BufReader::new(std::fs::File::open(path).unwrap());
+    Counts::from_fn(|_| {
+        Plane::from_fn(size, |_, _| {
+            let mut count = [0; 2];
+            file.read_exact(&mut count).unwrap();
+            u16::from_le_bytes(count)
+        })
+    })
 }
 
 /// A camera that records the frames of another one.
@@ -329,7 +329,8 @@ impl Camera for RecordingCamera {
 /// A camera that delivers stored frames, then the last one again and again.
 #[derive(Default)]
 struct StoredCamera {
-    frames: Vec<Counts>,
+    frames: Vec<PathBuf>,
+    size: Size,
     binning: usize,
     next: usize,
     clock: Steps,
@@ -337,18 +338,20 @@ struct StoredCamera {
 
 impl Camera for StoredCamera {
     fn size(&self) -> Size {
-        self.frames[0].size()
+        self.size
     }
     fn frame(&mut self, _: Moment) -> Result<Exposed, RigError> {
-        let stored = &self.frames[self.next.min(self.frames.len() - 1)];
+        let mut counts = load(&self.frames[self.next.min(self.frames.len() - 1)], self.size);
         self.next += 1;
-        let (Size { width, height }, by) = (stored.size(), self.binning);
-        // A binned camera has a frame of its own pixels, whose means it delivers.
-        let own: Counts = Frame::from_fn(|c| {
-            let size = Size::new(by * width, by * height);
-            Plane::from_fn(size, |x, y| stored.plane(c).at(x / by, y / by))
-        });
-        let counts = Frame::from_fn(|c| bin(own.plane(c), by).map(|mean: f32| mean.round() as u16));
+        if self.binning > 1 {
+            // A binned camera has a frame of its own pixels, whose means it delivers.
+            let (Size { width, height }, by) = (self.size, self.binning);
+            let own: Counts = Frame::from_fn(|c| {
+                let size = Size::new(by * width, by * height);
+                Plane::from_fn(size, |x, y| counts.plane(c).at(x / by, y / by))
+            });
+            counts = Frame::from_fn(|c| bin(own.plane(c), by).map(|mean: f32| mean.round() as u16));
+        }
         Ok(Exposed { counts, sequence: self.next as u32, at: self.clock.now() })
     }
     fn reopen(&mut self) -> Result<(), RigError> {

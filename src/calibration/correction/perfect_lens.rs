@@ -37,10 +37,11 @@ impl Correction {
         seen
     }
 
-    /// The `shown` light as a perfect lens sees it, canvas-sized.
-    pub fn light_by_perfect_lens(&self, shown: &ShownLight) -> Frame<Work> {
-        let ShownLight { part, light } = shown;
-        Frame::from_fn(|c| self.footprints(c, &light[c.index()], *part, (0.0, 0.0)))
+    /// The light of `channel` taken out of what is `shown`, as a perfect lens sees it,
+    /// canvas-sized.
+    pub fn take_by_perfect_lens(&self, channel: Channel, shown: &mut ShownLight) -> Plane {
+        let light = std::mem::take(&mut shown.light[channel.index()]);
+        self.footprints(channel, &light, shown.part, (0.0, 0.0))
     }
 
     /// The `panel`'s light in its part `shown`, averaged over the footprints of the sensor's

@@ -1,8 +1,8 @@
 //! Photos in the inbox: whether each has stopped changing and is complete.
 //!
-//! Files are polled; events (see [`super::hints`]) only make the next scan
-//! come sooner. A photo is ready when it has been quiet (size, time of change and inode unchanged
-//! for a while) *and* its content is complete. A quiet, incomplete one waits and is reported.
+//! Files are polled; events (see [`super::hints`]) only make the next scan come sooner. A photo is
+//! ready when it has been quiet (size, time of change and inode unchanged for a while) *and* its
+//! content is complete. A quiet, incomplete one waits and is reported.
 
 use std::collections::{BTreeMap, HashMap};
 use std::io::ErrorKind;

@@ -58,7 +58,7 @@ pub struct Report {
     pub outcome: ResultKind,
     pub rig: String,
     pub method: String,
-    /// ResultStage that produced the result.
+    /// Stage that produced the result.
     pub stage: ResultStage,
     /// Why this stage.
     pub reason: String,

@@ -8,6 +8,9 @@ use super::transform::{AREA, Block, Cosines, SIDE, haar, haar_inverse};
 use crate::frame::instructions::{Kernel, multiply_add, run_fastest};
 use crate::frame::{Plane, Size};
 
+/// Tasks whose sums are in memory at once: two for each core of a board.
+const TASKS_AT_ONCE: usize = 8;
+
 /// Filters `noisy` group by group by Wiener's rule, with the variances of `noise` and the signal's
 /// power taken from the coefficients of `guide`. Pixels that no group covers are unchanged.
 ///
@@ -17,24 +20,22 @@ pub fn filter(groups: &Groups, noisy: &Plane, guide: &Plane, noise: &BlockNoise<
     let size = noisy.size();
     assert!(groups.size() == size && guide.size() == size, "groups and planes of one size");
     let (window, cosines) = (&window(), &Cosines::new());
-    let sums: Vec<Sums> = groups
-        .tasks()
-        .par_iter()
-        .map(|task| {
+    let (mut total, mut weights) = (Plane::zeros(size), Plane::zeros(size));
+    for tasks in groups.tasks().chunks(TASKS_AT_ONCE) {
+        let filtered = tasks.par_iter().map(|task| {
             let mut found = Sums::new(task, size.width);
             run_fastest(Filter { task, noisy, guide, noise, window, cosines, sums: &mut found });
             found
-        })
-        .collect();
-    // In the order of the tasks: the same sums on any number of threads.
-    let (mut total, mut weights) = (Plane::zeros(size), Plane::zeros(size));
-    for sums in &sums {
-        let from = sums.first_row * size.width;
-        let add = |to: &mut Plane, what: &[f32]| {
-            to.data_mut()[from..][..what.len()].iter_mut().zip(what).for_each(|(t, w)| *t += w);
-        };
-        add(&mut total, &sums.values);
-        add(&mut weights, &sums.weights);
+        });
+        // In the order of the tasks: the same sums on any number of threads.
+        for sums in filtered.collect::<Vec<Sums>>() {
+            let from = sums.first_row * size.width;
+            let add = |to: &mut Plane, what: &[f32]| {
+                to.data_mut()[from..][..what.len()].iter_mut().zip(what).for_each(|(t, w)| *t += w);
+            };
+            add(&mut total, &sums.values);
+            add(&mut weights, &sums.weights);
+        }
     }
     for ((value, weight), before) in
         total.data_mut().iter_mut().zip(weights.data()).zip(noisy.data())

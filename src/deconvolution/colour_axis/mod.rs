@@ -8,12 +8,10 @@
 //! 2. *Axis* ([`axis`]): the principal direction u of the local colour covariance, a measure of how
 //!    linear the colours are, and the extra shrinkage κ off the line.
 //! 3. *Start* ([`ColourAxes::project`]): the initial picture's details are projected on u, with
-//!    each
-//!    channel weighted by the lens's power transmission α at that level, so that channels with
-//!    little signal follow the others.
+//!    each channel weighted by the lens's power transmission α at that level, so that channels
+//!    with little signal follow the others.
 //! 4. *Shrinkage* ([`AlongAxes`]): details are shrunk along u by the prior's rule, and off it by
-//!    the
-//!    norm of the remaining vector.
+//!    the norm of the remaining vector.
 //!
 //! Guided filtering (He, Sun & Tang 2013, "Guided image filtering") regresses all channels on one
 //! of them; here the line is symmetric in the channels, and the data determine the position along
@@ -73,12 +71,7 @@ impl ColourAxes {
     ///
     /// # Panics
     /// When `picture` or `transforms` do not have the photo's size.
-    pub fn project(
-        &self,
-        picture: &mut Frame<Work>,
-        passed: &[[f32; 3]],
-        transforms: &mut AlongAxes,
-    ) {
+    pub fn project(&self, picture: &mut Frame<Work>, passed: &[[f32; 3]], transforms: &AlongAxes) {
         transforms.at_shift(picture.planes_mut(), (0, 0), &|level, bands| {
             shrinkage::project(bands, &self.levels[level], passed[level]);
         });

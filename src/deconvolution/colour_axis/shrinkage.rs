@@ -32,10 +32,11 @@ pub struct Thresholds<'a> {
     pub mask: &'a DetailMask,
 }
 
-/// One-level transforms of three channels, with their buffers.
+/// One-level transforms of three channels.
 #[derive(Debug)]
 pub struct AlongAxes {
-    levels: Vec<OneLevel>,
+    size: Size,
+    levels: usize,
 }
 
 #[derive(Debug)]
@@ -94,8 +95,13 @@ impl SpinShift {
 impl AlongAxes {
     /// Transforms of planes of `size` in `levels` levels.
     pub fn new(size: Size, levels: usize) -> AlongAxes {
-        let mut of_level = size;
-        let levels = (0..levels).map(|_| {
+        AlongAxes { size, levels }
+    }
+
+    /// The levels with buffers as large as twelve planes, which do not outlast an operation.
+    fn levels(&self) -> Vec<OneLevel> {
+        let mut of_level = self.size;
+        let levels = (0..self.levels).map(|_| {
             let transform = Sym8::new(of_level, 1).parallel();
             let channels = [(); 3].map(|()| Channelwise {
                 coefficients: transform.zeros(),
@@ -105,7 +111,7 @@ impl AlongAxes {
             of_level = Size::new(of_level.width.div_ceil(2), of_level.height.div_ceil(2));
             OneLevel { transform, channels }
         });
-        AlongAxes { levels: levels.collect() }
+        levels.collect()
     }
 
     /// Shrinks the details of `planes`, shifted by `shift`.
@@ -113,7 +119,7 @@ impl AlongAxes {
     /// # Panics
     /// When a plane has another size.
     pub fn shrink(
-        &mut self,
+        &self,
         planes: &mut [Plane; 3],
         axes: &ColourAxes,
         thresholds: Thresholds<'_>,
@@ -128,7 +134,7 @@ impl AlongAxes {
     ///
     /// All shifts of the finest level at each step take twice as long and gain at most 0.0001 SSIM.
     pub fn shrink_spun(
-        &mut self,
+        &self,
         planes: &mut [Plane; 3],
         axes: &ColourAxes,
         thresholds: Thresholds<'_>,
@@ -140,22 +146,22 @@ impl AlongAxes {
     /// Applies `operation` to the details of `planes`, averaged over the shifts of
     /// [`AlongAxes::shrink_spun`].
     pub(in crate::deconvolution) fn spun(
-        &mut self,
+        &self,
         planes: &mut [Plane; 3],
         step_index: usize,
         operation: OnDetails<'_>,
     ) {
-        apply(&mut self.levels, 0, planes, SpinShift::Spun(step_index), operation);
+        apply(&mut self.levels(), 0, planes, SpinShift::Spun(step_index), operation);
     }
 
     /// Applies `operation` to the details of `planes`, shifted by `shift`.
     pub(in crate::deconvolution) fn at_shift(
-        &mut self,
+        &self,
         planes: &mut [Plane; 3],
         shift: (usize, usize),
         operation: OnDetails<'_>,
     ) {
-        apply(&mut self.levels, 0, planes, SpinShift::Shift(shift), operation);
+        apply(&mut self.levels(), 0, planes, SpinShift::Shift(shift), operation);
     }
 }
 

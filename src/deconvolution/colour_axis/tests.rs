@@ -170,7 +170,7 @@ fn projection_keeps_details_along_the_axis_and_restores_a_lost_channel() {
 #[test]
 fn without_shrinkage_every_shift_reconstructs_the_planes() {
     let size = Size::new(48, 32);
-    let mut along = AlongAxes::new(size, 4);
+    let along = AlongAxes::new(size, 4);
     for shift in [(0, 0), (1, 0), (5, 11), (15, 8)] {
         let mut planes = details(size);
         along.at_shift(&mut planes, shift, &|_, _| {});

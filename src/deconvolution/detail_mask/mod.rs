@@ -20,7 +20,7 @@ const BLOCK_PX: usize = 2;
 /// Blocks of the surroundings on either side: wider than a blur, so that places beside an edge are
 /// not flat, and enough pixels for a variance within 7 %.
 const REACH: usize = 5;
-/// Variance over noise variance below which a place is flat. Measured, see tests/tables/README.md.
+/// Variance over noise variance below which a place is flat; measured (tests/tables/constants.md).
 const FLAT: f32 = 2.0;
 /// Variance over noise variance above which a place has details. Measured, ibid.
 const DETAILED: f32 = 10.0;

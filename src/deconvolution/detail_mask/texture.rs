@@ -11,7 +11,7 @@ use super::{DetailMask, NoisyPlane, block_sums, cell_variances, halve_by_max, no
 use crate::deconvolution::data_term::{NOISE_MIN, TRUSTED};
 use crate::frame::Plane;
 
-// All six were set together on ten scenes through two lenses (`tests/tables/README.md`).
+// All six were set together on ten scenes through two lenses (`tests/tables/constants.md`).
 
 /// Variance of the residual's cells over the noise's at which thresholds begin to be lowered; noise
 /// alone has 1 ± 0.2.

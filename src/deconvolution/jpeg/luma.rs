@@ -62,7 +62,7 @@ impl AlongLuma {
     /// Shrinks the details of `planes` at `shift`, or averaged over the shifts of step `step` where
     /// there is none.
     pub(in crate::deconvolution) fn shrink(
-        &mut self,
+        &self,
         planes: &mut [Plane; 3],
         mask: &DetailMask,
         (shift, step): (Option<(usize, usize)>, usize),

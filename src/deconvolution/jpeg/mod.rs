@@ -53,6 +53,8 @@ const WIDENED_CHROMA: f32 = 0.5;
 const SPREAD_MIN: f32 = 1e-2;
 /// Level shift of luma (ITU-T T.81, A.3.1).
 const MIDDLE: f32 = 128.0;
+/// Rows of coded units that are decoded again side by side.
+const ROWS_AT_ONCE: usize = 16;
 /// Pixels of the largest coded unit: chroma at half the width and height.
 const UNIT_AREA: usize = 4 * BLOCK_AREA;
 
@@ -186,13 +188,16 @@ impl JpegTerm {
     pub fn redecoded(&self, seen: &Frame<Work>) -> Frame<Work> {
         let mut decoded = seen.clone();
         let (_, down) = self.unit();
-        let rows = 0..self.rect.size.height.div_ceil(down);
-        let strips: Vec<_> = rows.into_par_iter().map(|row| self.strip(seen, row)).collect();
-        for (n, &c) in self.channels().iter().enumerate() {
-            let plane = decoded.plane_mut(c);
-            let of_photo = strips.iter().flat_map(|strip| strip[n].chunks(self.rect.size.width));
-            for (y, row) in of_photo.enumerate() {
-                plane.row_mut(self.rect.y + y)[self.rect.x..][..row.len()].copy_from_slice(row);
+        let rows: Vec<usize> = (0..self.rect.size.height.div_ceil(down)).collect();
+        for rows in rows.chunks(ROWS_AT_ONCE) {
+            let strips: Vec<_> = rows.par_iter().map(|&row| self.strip(seen, row)).collect();
+            for (n, &c) in self.channels().iter().enumerate() {
+                let plane = decoded.plane_mut(c);
+                let top = self.rect.y + rows[0] * down;
+                let lines = strips.iter().flat_map(|strip| strip[n].chunks(self.rect.size.width));
+                for (y, line) in lines.enumerate() {
+                    plane.row_mut(top + y)[self.rect.x..][..line.len()].copy_from_slice(line);
+                }
             }
         }
         decoded

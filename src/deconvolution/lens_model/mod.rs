@@ -29,8 +29,8 @@ use cells::{Cells, Spectrum};
 use fast::{Adjoint, Forward, Workspace};
 use interpolation::Interpolation;
 use rayon::prelude::*;
-use std::sync::{Mutex, PoisonError};
-use taps::Correlate;
+use std::sync::{Arc, Mutex, PoisonError};
+use taps::{Correlate, KeptSpectra};
 
 /// The operator K of one rig on its canvas, and Kᵀ.
 #[derive(Debug, Clone)]
@@ -39,7 +39,7 @@ pub struct LensModel {
     field: Rect,
     functions: LensFunctions,
     cells: Cells,
-    spectra: [Vec<Spectrum>; 3],
+    spectra: [KeptSpectra; 3],
     broad: [Option<Broad>; 3],
     workspaces: Workspaces,
 }
@@ -88,7 +88,7 @@ impl LensModel {
         Ok(LensModel {
             canvas: Size::new(photo.width + 2 * margin_px, photo.height + 2 * margin_px),
             field: Rect { x: margin_px, y: margin_px, size: photo },
-            spectra: Channel::ALL.map(|channel| taps::spectra(&cells, functions, channel)),
+            spectra: Default::default(),
             cells,
             functions: functions.clone(),
             broad: [None, None, None],
@@ -138,7 +138,7 @@ impl LensModel {
             self.functions.taps[channel.index()] = old;
             return Err(wrong);
         }
-        self.spectra[channel.index()] = taps::spectra(&self.cells, &self.functions, channel);
+        self.spectra[channel.index()].release();
         Ok(())
     }
 
@@ -161,7 +161,7 @@ impl LensModel {
             x.size() == self.canvas && out.size() == self.canvas,
             "planes have the canvas's size"
         );
-        let (rows, spectra) = (&self.cells.along_y.stretches, &self.spectra[channel.index()]);
+        let (rows, spectra) = (&self.cells.along_y.stretches, &*self.spectra(channel));
         let spill_length = (self.cells.support_px - 1) * self.canvas.width;
         let mut bands = self.bands(out);
         let spills: Vec<Vec<f32>> = bands
@@ -211,7 +211,7 @@ impl LensModel {
             y.size() == self.canvas && out.size() == self.canvas,
             "planes have the canvas's size"
         );
-        let (cells, spectra) = (&self.cells, &self.spectra[channel.index()]);
+        let (cells, spectra) = (&self.cells, &*self.spectra(channel));
         let broad = self.broad[channel.index()].as_ref();
         let scaled = broad.and_then(|broad| broad.before_adjoint(y));
         let y = scaled.as_ref().unwrap_or(y);
@@ -227,7 +227,7 @@ impl LensModel {
 
     /// The local inverse of one channel, regularised by `epsilon` > 0, for data of `density`.
     pub fn local_inverse(&self, channel: Channel, epsilon: f32, density: Density) -> LocalInverse {
-        LocalInverse::new(&self.cells, &self.spectra[channel.index()], channel, epsilon, density)
+        LocalInverse::new(&self.cells, &self.spectra(channel), channel, epsilon, density)
     }
 
     /// `out` = (KᵀMK + ε)⁻¹Kᵀ y, locally and without broad light; `y` is zero where data are
@@ -238,12 +238,22 @@ impl LensModel {
             y.size() == self.canvas && out.size() == self.canvas,
             "planes have the canvas's size"
         );
-        let (cells, spectra) = (&self.cells, &self.spectra[inverse.channel.index()]);
+        let (cells, spectra) = (&self.cells, &*self.spectra(inverse.channel));
         let factors = Some(&inverse.reciprocals[..]);
         self.bands(out).par_iter_mut().enumerate().for_each(|(row, band)| {
             self.workspaces
                 .with(|work| run_fastest(Adjoint { cells, spectra, factors, y, row, band, work }));
         });
+    }
+
+    /// Frees the spectra of `channel`, until an operation needs them again.
+    pub fn release_spectra(&self, channel: Channel) {
+        self.spectra[channel.index()].release();
+    }
+
+    fn spectra(&self, channel: Channel) -> Arc<Vec<Spectrum>> {
+        let make = || taps::spectra(&self.cells, &self.functions, channel);
+        self.spectra[channel.index()].get(make)
     }
 
     /// The rows of `out`, split by rows of cells.

@@ -1,5 +1,7 @@
 //! Spectra of the functions, and the gradient with respect to their taps.
 
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
 use rayon::prelude::*;
 
 use super::LensFunctions;
@@ -10,6 +12,37 @@ use super::halves::{Part, frequency_groups, inverse, store};
 use super::lanes::{ComplexLanes, LANES};
 use crate::frame::instructions::{Kernel, run_fastest};
 use crate::frame::{Channel, Plane};
+
+/// The spectra of one channel, computed when first needed: they are as large as three planes.
+#[derive(Debug, Default)]
+pub(super) struct KeptSpectra(Mutex<Option<Arc<Vec<Spectrum>>>>);
+
+impl KeptSpectra {
+    /// The spectra, by `make` if there are none.
+    pub(super) fn get(&self, make: impl FnOnce() -> Vec<Spectrum>) -> Arc<Vec<Spectrum>> {
+        if let Some(spectra) = &*self.lock() {
+            return Arc::clone(spectra);
+        }
+        // Without the lock: see `once`.
+        let made = Arc::new(make());
+        Arc::clone(self.lock().get_or_insert(made))
+    }
+
+    /// Frees the spectra.
+    pub(super) fn release(&self) {
+        *self.lock() = None;
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Option<Arc<Vec<Spectrum>>>> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl Clone for KeptSpectra {
+    fn clone(&self) -> Self {
+        KeptSpectra(Mutex::new(self.lock().clone()))
+    }
+}
 
 /// The spectra of one channel's functions, in the order of [`Cells::spectra`].
 pub(super) fn spectra(cells: &Cells, functions: &LensFunctions, channel: Channel) -> Vec<Spectrum> {

@@ -311,3 +311,23 @@ fn a_step_by_the_local_inverse_descends_in_every_density() {
         }
     }
 }
+
+#[test]
+fn released_spectra_are_computed_again() {
+    let mut model = golden_model();
+    let x = random_plane(model.canvas(), 5);
+    let seen = |model: &LensModel| {
+        let mut seen = Plane::zeros(model.canvas());
+        model.forward(Channel::Red, &x, &mut seen);
+        seen
+    };
+    let before = seen(&model);
+    model.release_spectra(Channel::Red);
+    assert_eq!(seen(&model), before);
+    // A copy keeps its own when the taps change.
+    let copy = model.clone();
+    let halved: Vec<f32> = model.functions().taps[0].iter().map(|tap| 0.5 * tap).collect();
+    model.set_taps(Channel::Red, &halved).unwrap();
+    assert_eq!(seen(&copy), before);
+    assert!((seen(&model).rms() / before.rms() - 0.5).abs() < 1e-5);
+}

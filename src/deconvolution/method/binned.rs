@@ -12,7 +12,7 @@ use crate::deconvolution::observation::Observation;
 use crate::frame::Channel;
 
 /// Least width of a lens's functions for two levels, pixels. At 3.8 px photos gain 0.1 dB, narrower
-/// ones nothing or lose (`tests/tables/README.md`).
+/// ones nothing or lose (`tests/tables/tried.md`).
 const WIDTH_MIN_PX: f32 = 4.0;
 
 /// Observation, lens and norms of a problem on binned pixels.

@@ -67,7 +67,7 @@ impl Blocks {
                 seen
             })
         };
-        let mut residual = residual_of(&start);
+        let residual = residual_of(&start);
         let rms = |residual: &Frame<Work>, c: Channel| {
             data_term::rms_over_data(residual.plane(c), observation.trust.plane(c))
         };
@@ -81,13 +81,12 @@ impl Blocks {
         let passed =
             channels.iter().map(|&c| Passed::of(problem.model.functions(), c)).collect::<Vec<_>>();
         let mut picture = start;
+        let mut first = Some(residual);
         for round in 0..self.rounds {
             let done = round as f32 / (self.rounds - 1).max(1) as f32;
             let over_noise = TAU_FIRST * (TAU_LAST / TAU_FIRST).powf(done);
             let tau = |c: Channel| (noise(c) * over_noise).min(TAU_MAX);
-            if round > 0 {
-                residual = residual_of(&picture);
-            }
+            let residual = first.take().unwrap_or_else(|| residual_of(&picture));
             if channels.contains(&Channel::Green) {
                 let rms = rms(&residual, Channel::Green);
                 watch(&course.step(rms, ResidualOf::Model, 0), None);
@@ -98,6 +97,7 @@ impl Blocks {
             };
             let uncertain = problem
                 .frame_of(|c| problem.data_step(c, picture.plane(c), residual.plane(c), ratio(c)));
+            drop(residual);
             let noises = passed.iter().zip(&errors).map(|(passed, &(c, error))| {
                 let undone = BlockNoise::deconvolved(passed, error.powi(2), tau(c).powi(2));
                 undone.scaled(ASSUMED_NOISE).within(problem.model.field().x).masked(target.mask)
@@ -113,7 +113,7 @@ impl Blocks {
 /// are solved.
 fn filter_colours(
     channels: &[Channel],
-    picture: Frame<Work>,
+    mut picture: Frame<Work>,
     guide: &mut Frame<Work>,
     noises: &[BlockNoise<'_>],
     turn: usize,
@@ -125,9 +125,8 @@ fn filter_colours(
             BlockNoise::mixed(&[(half, r), (half, b)]),
             BlockNoise::mixed(&[(sixth, r), (2.0 * sixth, g), (sixth, b)]),
         ];
-        let mut planes = Channel::ALL.map(|c| picture.plane(c).clone());
-        drop(picture);
-        let mut guides = Channel::ALL.map(|c| guide.plane(c).clone());
+        let mut planes = Channel::ALL.map(|c| std::mem::take(picture.plane_mut(c)));
+        let mut guides = Channel::ALL.map(|c| std::mem::take(guide.plane_mut(c)));
         to_opponent(&mut planes);
         to_opponent(&mut guides);
         // Blocks alike in brightness count as alike in colour.

@@ -13,30 +13,28 @@ pub(super) struct ChannelSolve {
     pub(super) channel: Channel,
     /// The point at which the gradient is taken.
     point: Plane,
-    /// K̂ of that point, then its residual.
+    /// K̂ of that point, until the step.
     pub(super) prediction: Plane,
-    /// Pixels that a step leaves at a bound of light.
-    held: Plane<bool>,
     momentum: Momentum,
     /// RMS of the residual before the step, green channel, grey levels.
     pub(super) residual_rms: f32,
 }
 
 impl ChannelSolve {
-    /// Starts at the plane of `channel` of `start`.
-    pub(super) fn new(channel: Channel, start: &Plane) -> Self {
+    /// Starts at `point`.
+    pub(super) fn new(channel: Channel, point: Plane) -> Self {
         ChannelSolve {
             channel,
-            point: start.clone(),
-            prediction: Plane::zeros(start.size()),
-            held: Plane::zeros(start.size()),
-            momentum: Momentum::new(start),
+            point,
+            prediction: Plane::default(),
+            momentum: Momentum::default(),
             residual_rms: 0.0,
         }
     }
 
     /// Computes K̂ of the point.
     pub(super) fn predict(&mut self, target: Target<'_>) {
+        self.prediction = Plane::zeros(self.point.size());
         target.problem.model.forward(self.channel, &self.point, &mut self.prediction);
     }
 
@@ -48,54 +46,62 @@ impl ChannelSolve {
         residual
     }
 
-    /// `stepped` = the point less its gradient, each wavelet level scaled to its own step length;
-    /// the levels are those of a transform at `shift`.
+    /// The point less its gradient, each wavelet level scaled to its own step length; the levels
+    /// are those of a transform at `shift`.
     pub(super) fn descend(
         &mut self,
-        stepped: &mut Plane,
         target: Target<'_>,
         prior: &ColourPrior<'_>,
         shift: (usize, usize),
-    ) {
+    ) -> Plane {
         let (c, observation) = (self.channel, target.problem.observation);
         let trust = observation.trust.plane(c);
-        data_term::residual_in_place(&mut self.prediction, target.data.plane(c), trust);
+        let mut residual = std::mem::take(&mut self.prediction);
+        data_term::residual_in_place(&mut residual, target.data.plane(c), trust);
         if c == Channel::Green {
-            self.residual_rms = data_term::rms_over_data(&self.prediction, trust);
+            self.residual_rms = data_term::rms_over_data(&residual, trust);
         }
-        self.prediction.scale(observation.weight(c));
-        target.problem.model.adjoint(c, &self.prediction, stepped);
-        self.hold(stepped);
+        residual.scale(observation.weight(c));
+        let mut stepped = Plane::zeros(residual.size());
+        target.problem.model.adjoint(c, &residual, &mut stepped);
+        drop(residual);
+        let held = self.hold(&mut stepped);
         let steps = target.norms[c.index()].steps();
         prior.with_scratch(|scratch| {
-            prior.shrinkage.scale_levels(stepped, &steps, shift, scratch);
+            prior.shrinkage.scale_levels(&mut stepped, &steps, shift, scratch);
         });
-        let pixels = (stepped.data_mut(), self.point.data(), self.held.data()).into_par_iter();
+        let pixels = (stepped.data_mut(), self.point.data(), held.data()).into_par_iter();
         let pixels = pixels.with_min_len(STRETCH);
         pixels.for_each(|(step, from, held)| *step = if *held { *from } else { from - *step });
+        stepped
     }
 
-    /// Zeroes the `gradient` at pixels on a bound of light that it would lead past.
+    /// Zeroes the `gradient` at pixels on a bound of light that it would lead past; returns where.
     ///
     /// Step lengths differ by wavelet level, bounds hold by pixel. With a clamp alone such a step
     /// need not descend, however short: dark places of a channel whose finest details hardly pass
     /// the lens fill with stripes. With these pixels held it descends (two-metric projection:
     /// Bertsekas 1982, "Projected Newton methods for optimization problems with simple
     /// constraints").
-    fn hold(&mut self, gradient: &mut Plane) {
-        let pixels = (gradient.data_mut(), self.point.data(), self.held.data_mut()).into_par_iter();
+    fn hold(&self, gradient: &mut Plane) -> Plane<bool> {
+        let mut held = Plane::zeros(gradient.size());
+        let pixels = (gradient.data_mut(), self.point.data(), held.data_mut()).into_par_iter();
         pixels.with_min_len(STRETCH).for_each(|(gradient, &at, held)| {
             *held = (at <= 0.0 && *gradient > 0.0) || (at >= FULL_SCALE && *gradient < 0.0);
             if *held {
                 *gradient = 0.0;
             }
         });
+        held
     }
 
-    /// Clamps `stepped` to the bounds of light, and moves the point on with momentum.
-    pub(super) fn advance(&mut self, stepped: &mut Plane) {
-        let pixels = stepped.data_mut().par_iter_mut().with_min_len(STRETCH);
-        pixels.for_each(|v| *v = v.clamp(0.0, FULL_SCALE));
+    /// Moves the point on from `stepped` with momentum.
+    pub(super) fn advance(&mut self, stepped: &Plane) {
         self.momentum.next(&mut self.point, stepped);
+    }
+
+    /// Frees the planes that a last step does not need.
+    pub(super) fn end(&mut self) {
+        (self.point, self.momentum) = (Plane::default(), Momentum::default());
     }
 }

@@ -164,6 +164,11 @@ impl<'a> ColourPrior<'a> {
         }
     }
 
+    /// Frees the scratch memory of the pool.
+    pub(super) fn free_scratch(&mut self) {
+        self.pool.get_mut().unwrap_or_else(PoisonError::into_inner).clear();
+    }
+
     /// Runs `work` with scratch memory from the pool.
     pub(super) fn with_scratch(&self, work: impl FnOnce(&mut ShrinkageScratch)) {
         // Scratch memory has no state, so that of a poisoned pool is as good.
@@ -175,10 +180,10 @@ impl<'a> ColourPrior<'a> {
 
     /// Refines a start along the axes: several times, its details are drawn to the axes, and
     /// Wiener's filter of its residual is added.
-    pub(super) fn refine_start(&mut self, target: Target<'_>, picture: &mut Frame<Work>) {
+    pub(super) fn refine_start(&self, target: Target<'_>, picture: &mut Frame<Work>) {
         let Target { problem, data, mask, .. } = target;
         let model = problem.model;
-        let Some(Along { axes, transforms, weights, passed, starts, .. }) = &mut self.along else {
+        let Some(Along { axes, transforms, weights, passed, starts, .. }) = &self.along else {
             return;
         };
         let weights: Vec<f32> = weights.iter().map(|weight| START_THRESHOLD * weight).collect();
@@ -207,7 +212,7 @@ impl<'a> ColourPrior<'a> {
     pub(super) fn apply(&mut self, planes: &mut [Plane], step: usize, spun: bool) {
         let (shift, mask) = (self.shrinkage.shift(step), &*self.mask);
         if let Ok(planes) = <&mut [Plane; 3]>::try_from(&mut *planes) {
-            if let Some(Along { axes, transforms, weights, passed, .. }) = &mut self.along {
+            if let Some(Along { axes, transforms, weights, passed, .. }) = &self.along {
                 let thresholds = Thresholds { weights, passed, mask };
                 match spun {
                     true => transforms.shrink_spun(planes, axes, thresholds, step),
@@ -215,7 +220,7 @@ impl<'a> ColourPrior<'a> {
                 }
                 return;
             }
-            if let Some(luma) = &mut self.luma {
+            if let Some(luma) = &self.luma {
                 luma.shrink(planes, mask, ((!spun).then_some(shift), step));
                 return;
             }

@@ -2,7 +2,7 @@
 //! of its own without captures.
 //!
 //! Minimises ½‖K̂L − B‖² + μ‖W L‖₁ over 0 ≤ L ≤ 255 by proximal gradient steps with momentum. Six
-//! things make it fast and accurate (measured, see `tests/tables/README.md`):
+//! things make it fast and accurate (measured, see `tests/tables/constants.md`):
 //!
 //! * most steps on binned pixels, where the lens is wide and they carry the scene
 //!   ([`BinnedProblem`]);
@@ -34,7 +34,7 @@ use crate::deconvolution::colour_axis::ColourAxes;
 use crate::deconvolution::detail_mask::DetailMask;
 use crate::deconvolution::forward_convolution::ForwardConvolution;
 use crate::frame::resample::resize;
-use crate::frame::{Channel, Frame, Plane, Work};
+use crate::frame::{Channel, FULL_SCALE, Frame, Plane, STRETCH, Work};
 
 /// Noise-to-signal power of the start at one grey level of noise. Less makes night scenes noisy.
 const START_NOISE_TO_SIGNAL: f32 = 0.01;
@@ -43,17 +43,17 @@ const START_NOISE_TO_SIGNAL: f32 = 0.01;
 pub const SETTLING_STEPS: u32 = 3;
 
 /// Steps at the photo's own grid after those on binned pixels. Before block matching more gain
-/// nothing, without it two gain 0.001 SSIM (`tests/tables/README.md`).
+/// nothing, without it two gain 0.001 SSIM (`tests/tables/tried.md`).
 const OWN_STEPS: u32 = 1;
 /// Residual of a picture on binned pixels, in σ of the photo's noise, above which they do not carry
 /// the scene, and it is solved at the photo's own grid. Nine photographs have at most 1.24, raw or
-/// developed, a chart of fine strokes 1.86 (`tests/tables/README.md`).
+/// developed, a chart of fine strokes 1.86 (`tests/tables/tried.md`).
 const BINNED_RESIDUAL_MAX: f32 = 1.5;
 
 /// The method and its parameters.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Digital {
-    /// Proximal steps.
+    /// Proximal steps, at least 1.
     pub steps: u32,
     /// Soft threshold of each step at one grey level of noise, for a step of length 1, grey levels.
     pub strength: f32,
@@ -147,7 +147,9 @@ impl Digital {
         course.extend(&steps, 0, 0.0);
         let prediction = problem.predict(&picture);
         let seconds = course.seconds();
-        let (picture, steps) = if problem.residual_over_noise(&prediction) > BINNED_RESIDUAL_MAX {
+        let residual = problem.residual_over_noise(&prediction);
+        log::debug!("the picture on binned pixels leaves {residual:.2} σ of the photo");
+        let (picture, steps) = if residual > BINNED_RESIDUAL_MAX {
             drop((picture, prediction));
             self.solve_at_own_grid(problem, structure, watch)
         } else {
@@ -224,37 +226,36 @@ impl Digital {
         };
         let mut course = Course::new(problem.stopwatch);
         let mut prior = ColourPrior::new(self.prior(), target);
-        let taken = |&c: &Channel| std::mem::take(picture.plane_mut(c));
-        let mut stepped: Vec<Plane> = channels.iter().map(taken).collect();
-        let solves = channels.iter().zip(&stepped);
-        let mut solves: Vec<ChannelSolve> =
-            solves.map(|(&c, start)| ChannelSolve::new(c, start)).collect();
+        let start = |&c: &Channel| ChannelSolve::new(c, std::mem::take(picture.plane_mut(c)));
+        let mut solves: Vec<ChannelSolve> = channels.iter().map(start).collect();
         let settling = SETTLING_STEPS.min(self.steps.div_ceil(2));
         let mut expected: Option<Frame<Work>> = None;
+        let mut stepped: Vec<Plane> = Vec::new();
         for step in 1..=self.steps {
             let shift = prior.shrinkage.shift(step as usize);
-            match prediction.take() {
-                Some(mut known) => {
-                    let taken = |s: &mut ChannelSolve| {
-                        s.prediction = std::mem::take(known.plane_mut(s.channel));
-                    };
-                    solves.iter_mut().for_each(taken);
-                }
-                None => solves.par_iter_mut().for_each(|solve| solve.predict(target)),
-            }
+            let before = solves.par_iter_mut().zip(std::mem::take(&mut stepped));
+            before.for_each(|(solve, stepped)| solve.advance(&stepped));
+            predict(&mut solves, prediction.take(), target);
             if observation.sampling.updates_data_at(step) {
-                expected = expected_data(target, &solves).or(expected);
+                drop(expected.take());
+                expected = expected_data(target, &solves);
             }
             let target = Target { data: expected.as_ref().unwrap_or(target.data), ..target };
             if step == texture_step && prior.can_protect_texture(observation) {
                 let residuals: Vec<Plane> = solves.iter().map(|s| s.residual(target)).collect();
                 prior.protect_texture(observation, &residuals);
             }
-            let pairs = solves.par_iter_mut().zip(&mut stepped);
-            pairs.for_each(|(solve, stepped)| solve.descend(stepped, target, &prior, shift));
+            let descended = solves.par_iter_mut().map(|s| s.descend(target, &prior, shift));
+            stepped = descended.collect();
+            if step == self.steps {
+                solves.iter_mut().for_each(ChannelSolve::end);
+                prior.free_scratch();
+            }
             prior.apply(&mut stepped, step as usize, step + settling > self.steps);
-            let pairs = solves.par_iter_mut().zip(&mut stepped);
-            pairs.for_each(|(solve, stepped)| solve.advance(stepped));
+            for plane in &mut stepped {
+                let pixels = plane.data_mut().par_iter_mut().with_min_len(STRETCH);
+                pixels.for_each(|v| *v = v.clamp(0.0, FULL_SCALE));
+            }
             if let Some(green) = solves.iter().find(|solve| solve.channel == Channel::Green) {
                 watch(&course.step(green.residual_rms, ResidualOf::Model, 0), None);
             }
@@ -272,6 +273,19 @@ impl Digital {
 
     fn prior(&self) -> PriorSetting {
         PriorSetting { strength: self.strength, levels: self.levels }
+    }
+}
+
+/// Computes K̂ of the points of `solves`, where it is not `known`.
+fn predict(solves: &mut [ChannelSolve], known: Option<Frame<Work>>, target: Target<'_>) {
+    match known {
+        Some(mut known) => {
+            let taken = |s: &mut ChannelSolve| {
+                s.prediction = std::mem::take(known.plane_mut(s.channel));
+            };
+            solves.iter_mut().for_each(taken);
+        }
+        None => solves.par_iter_mut().for_each(|solve| solve.predict(target)),
     }
 }
 

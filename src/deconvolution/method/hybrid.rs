@@ -31,13 +31,13 @@ use crate::frame::{Channel, Frame, Mosaic, Plane, Size, Work};
 /// errors where it is not (`tests/tables/truthful-wrong-models.md`).
 pub const CORRECTION_STEPS: u32 = 4;
 /// The same where block matching follows, which goes the rest of the way
-/// (`tests/tables/README.md`).
+/// (`tests/tables/constants.md`).
 pub const STEPS_BEFORE_BLOCKS: u32 = 2;
 /// Soft threshold of the measured defect, in σ of its noise; measured.
 const DEFECT_THRESHOLD: f32 = 2.0;
 /// Defect, as a share of the noise floor in its largest channel, below which the model counts as
 /// right. Measured on the laboratory's group of limits: correcting less than 0.26 gains nothing or
-/// loses, from 0.3 on it gains (`tests/tables/README.md`).
+/// loses, from 0.3 on it gains (`tests/tables/constants.md`).
 const DEFECT_FLOOR: f32 = 0.28;
 /// Factor by which a wrong model shortens the steps of a correction: each level's α is at least
 /// this times the defect's share of the picture's power; measured.

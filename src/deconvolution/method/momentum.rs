@@ -8,18 +8,27 @@ use crate::frame::{Plane, STRETCH};
 /// The momentum of one channel's iteration.
 #[derive(Debug, Clone)]
 pub struct Momentum {
+    /// `stepped` of the step before; empty before the first.
     previous: Plane,
     t: f64,
 }
 
-impl Momentum {
-    /// No momentum, at `start`.
-    pub fn new(start: &Plane) -> Self {
-        Momentum { previous: start.clone(), t: 1.0 }
+impl Default for Momentum {
+    /// No momentum.
+    fn default() -> Self {
+        Momentum { previous: Plane::default(), t: 1.0 }
     }
+}
 
+impl Momentum {
     /// Moves `point`, at which the gradient was taken and led to `stepped`, to the next point.
     pub fn next(&mut self, point: &mut Plane, stepped: &Plane) {
+        if self.previous.size() != stepped.size() {
+            // The first step has no momentum.
+            (*point, self.previous) = (stepped.clone(), stepped.clone());
+            self.t = next_t(1.0);
+            return;
+        }
         let stretches = (point.data().par_chunks(STRETCH))
             .zip(stepped.data().par_chunks(STRETCH))
             .zip(self.previous.data().par_chunks(STRETCH));
@@ -28,7 +37,7 @@ impl Momentum {
         let uphill: f64 = parts.iter().sum();
         let restart = uphill > 0.0;
         let t = if restart { 1.0 } else { self.t };
-        let t_next = (1.0 + (1.0 + 4.0 * t * t).sqrt()) / 2.0;
+        let t_next = next_t(t);
         let weight = if restart { 0.0 } else { ((t - 1.0) / t_next) as f32 };
         let pixels = (point.data_mut(), self.previous.data_mut(), stepped.data()).into_par_iter();
         pixels.with_min_len(STRETCH).for_each(|(y, x_old, &x)| {
@@ -37,6 +46,10 @@ impl Momentum {
         });
         self.t = t_next;
     }
+}
+
+fn next_t(t: f64) -> f64 {
+    (1.0 + (1.0 + 4.0 * t * t).sqrt()) / 2.0
 }
 
 /// (y − x)·(x − x_old) over a stretch.

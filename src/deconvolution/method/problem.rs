@@ -73,7 +73,7 @@ impl<'a> Problem<'a> {
         found.undo(&mut seen, prediction, channels);
         if let Some(wave) = optics.column_wave() {
             let (valid, mosaic) = ((trust, rect), self.capture_mosaic);
-            panel_beat::remove_beats(&mut seen, prediction, valid, wave, mosaic, channels);
+            panel_beat::remove_beats(&mut seen, prediction, valid, &wave, mosaic, channels);
         }
         Ok(seen)
     }

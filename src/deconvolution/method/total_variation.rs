@@ -78,7 +78,7 @@ impl TotalVariation {
         let weight = step * soft_threshold(self.strength, observation.pixel_noise(c));
         let (mut point, mut stepped) = (data.clone(), data.clone());
         let (mut residual, mut gradient) = (data.clone(), data.clone());
-        let mut momentum = Momentum::new(data);
+        let mut momentum = Momentum::default();
         let mut dual = Dual::new(data.size());
         for _ in 0..self.steps {
             model.forward(c, &point, &mut residual);

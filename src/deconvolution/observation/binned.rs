@@ -49,7 +49,7 @@ impl Observation {
             })
         };
         // Noise that interpolation spread remains in part: between σ of white noise and the
-        // datum's own, the geometric mean gains most (`tests/tables/README.md`).
+        // datum's own, the geometric mean gains most (`tests/tables/constants.md`).
         let noise = |c: Channel| {
             let data = data[c.index()].len() as f32;
             self.pixels_a_datum(c).powf(0.25) * self.data_noise(c) / data.sqrt()

@@ -54,7 +54,7 @@ impl Sampling for Jpeg {
     }
 
     /// Coefficients leave more open than pixels do: half as many steps again gain 0.005 SSIM and
-    /// 0.33 dB at quality 90 (`tests/tables/README.md`).
+    /// 0.33 dB at quality 90 (`tests/tables/constants.md`).
     fn solve_steps(&self, steps: u32, _has_axes: bool) -> u32 {
         if self.term.is_data() { 3 * steps / 2 } else { steps }
     }

@@ -55,6 +55,7 @@ impl Pipeline {
         let data = expected.as_ref().unwrap_or(&observation.light);
         // Before the channels part, or each would compute them.
         self.untouched(photo);
+        self.model_error.shares(&self.lens.model, observation.rect);
         let residuals = |&c: &Channel| {
             let noise = observation.data_noise(c);
             let explained = Explained { seen: seen.plane(c), data: data.plane(c), noise };
