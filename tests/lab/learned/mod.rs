@@ -1,5 +1,5 @@
 //! A learned prior beside shrinkage and block matching: a method of the laboratory, as it does not
-//! earn its place in the box (`tests/tables/README.md`).
+//! earn its place in the box (`tests/tables/tried.md`).
 //!
 //! Half-quadratic splitting as in block matching: turns of a data step by the lens's local inverse
 //! and a pass of the network. A JPEG's data are its decoded pixels here, not its coefficients.
