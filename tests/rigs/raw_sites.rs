@@ -82,9 +82,9 @@ fn score(picture: &Frame<Work>, truth: &Frame<Work>) -> [f64; 2] {
 }
 
 #[test]
-#[ignore = "makes a table; a minute"]
+#[ignore = "minutes: the long gate runs it"]
 fn what_raw_sites_are_worth() {
-    let name = std::env::var("RIG").unwrap_or_else(|_| "small.toml".to_owned());
+    let name = std::env::var("RIG").unwrap_or_else(|_| "simulated.toml".to_owned());
     let plain = rig(&name, None);
     let (mut devices, _) = simulated::open(&plain).unwrap();
     let calibration = measured(&plain).unwrap();
@@ -127,9 +127,9 @@ fn what_raw_sites_are_worth() {
     }
     println!("mean {sums:.4?}");
     let [full, sites, interpolated] = sums;
-    // The aim for dB is 0.4; for values reached see tests/tables/README.md.
-    assert!(full[0] - sites[0] < 0.01 && full[1] - sites[1] < 1.5);
-    assert!(sites[0] > interpolated[0] + 0.02 && sites[1] > interpolated[1] + 3.0);
+    // On simulated.toml; means of several rigs are in tests/tables/tried.md.
+    assert!(full[0] - sites[0] < 0.005 && full[1] - sites[1] < 0.5);
+    assert!(sites[0] > interpolated[0] + 0.005 && sites[1] > interpolated[1] + 0.5);
 }
 
 /// A dark figure with bright spots in front of a bright sky.
