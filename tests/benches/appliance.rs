@@ -8,8 +8,8 @@
 //! restores it from the stored frames and encodes the result; printed are its times and its peak
 //! resident memory (`VmHWM`).
 //!
-//! Run: `cargo bench --bench appliance`, or `cargo bench --bench appliance -- sizes` for the larger
-//! photos alone.
+//! Run: `cargo bench --bench appliance`; `-- sizes` for the larger photos alone; `-- one raw.dng 4`
+//! for a single one, with four times the pixels along each side.
 
 // A failed unwrap ends the benchmark.
 #![allow(clippy::unwrap_used)]
@@ -45,6 +45,9 @@ const STORED: &str = "RELENS_BENCH_STORED";
 const RIG: &str = "RELENS_BENCH_RIG";
 /// Variable with the number of the photo's pixels along each side of a solved one.
 const BINNING: &str = "RELENS_BENCH_BINNING";
+/// Variable with a command that runs this program on another processor
+/// (`tests/cross/instructions`).
+const RUNNER: &str = "RELENS_BENCH_RUNNER";
 /// Variable with the photo's file name.
 const PHOTO: &str = "RELENS_BENCH_PHOTO";
 
@@ -60,7 +63,14 @@ fn main() {
         let binning = variable(BINNING).unwrap().parse().unwrap();
         return restore_stored(Path::new(&folder), &rig, binning, &variable(PHOTO).unwrap());
     }
-    if !std::env::args().any(|word| word == "sizes") {
+    let words: Vec<String> = std::env::args().collect();
+    if let Some(n) = words.iter().position(|word| word == "one") {
+        let (photo, binning) = (&words[n + 1], words[n + 2].parse().unwrap());
+        let stand = Stand::record("simulated.toml", false);
+        stand.store_photos(binning);
+        return stand.restore(photo, binning);
+    }
+    if !words.iter().any(|word| word == "sizes") {
         for name in ["ideal.toml", "simulated.toml"] {
             for is_touched in [false, true] {
                 Stand::record(name, is_touched).restore("developed.png", 1);
@@ -208,7 +218,11 @@ impl Stand {
     /// Restores `photo` of a camera with `binning` times the pixels along each side, in
     /// a process of its own.
     fn restore(&self, photo: &str, binning: usize) {
-        let ended = std::process::Command::new(std::env::current_exe().unwrap())
+        let own = std::env::current_exe().unwrap().display().to_string();
+        let runner = std::env::var(RUNNER).unwrap_or(own);
+        let mut words = runner.split(' ');
+        let ended = std::process::Command::new(words.next().unwrap())
+            .args(words)
             .env(STORED, self.folder.path())
             .env(RIG, self.name)
             .env(BINNING, binning.to_string())
