@@ -37,8 +37,8 @@ impl Correction {
         seen
     }
 
-    /// The light of `channel` taken out of what is `shown`, as a perfect lens sees it,
-    /// canvas-sized.
+    /// Moves the light of `channel` out of `shown`, which frees it, and returns it as a perfect
+    /// lens sees it, canvas-sized, 0..255.
     pub fn take_by_perfect_lens(&self, channel: Channel, shown: &mut ShownLight) -> Plane {
         let light = std::mem::take(&mut shown.light[channel.index()]);
         self.footprints(channel, &light, shown.part, (0.0, 0.0))

@@ -8,7 +8,7 @@ use super::transform::{AREA, Block, Cosines, SIDE, haar, haar_inverse};
 use crate::frame::instructions::{Kernel, multiply_add, run_fastest};
 use crate::frame::{Plane, Size};
 
-/// Tasks whose sums are in memory at once: two for each core of a board.
+/// Tasks whose sums are in memory at once. Guess: two for each core of a board.
 const TASKS_AT_ONCE: usize = 8;
 
 /// Filters `noisy` group by group by Wiener's rule, with the variances of `noise` and the signal's

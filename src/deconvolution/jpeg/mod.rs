@@ -53,7 +53,7 @@ const WIDENED_CHROMA: f32 = 0.5;
 const SPREAD_MIN: f32 = 1e-2;
 /// Level shift of luma (ITU-T T.81, A.3.1).
 const MIDDLE: f32 = 128.0;
-/// Rows of coded units that are decoded again side by side.
+/// Rows of coded units decoded again side by side, which bounds the memory of copies. Guess.
 const ROWS_AT_ONCE: usize = 16;
 /// Pixels of the largest coded unit: chroma at half the width and height.
 const UNIT_AREA: usize = 4 * BLOCK_AREA;
