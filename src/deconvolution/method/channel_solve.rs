@@ -76,8 +76,8 @@ impl ChannelSolve {
         stepped
     }
 
-    /// Zeroes the `gradient` at pixels on a bound of light that it would lead past, and returns their
-    /// mask.
+    /// Zeroes the `gradient` at pixels on a bound of light that it would lead past, and returns
+    /// their mask.
     ///
     /// Step lengths differ by wavelet level, bounds hold by pixel. With a clamp alone such a step
     /// need not descend, however short: dark places of a channel whose finest details hardly pass
