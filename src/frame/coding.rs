@@ -9,6 +9,10 @@ pub const BLOCK_PX: usize = 8;
 /// Coefficients of a block.
 pub const BLOCK_AREA: usize = BLOCK_PX * BLOCK_PX;
 
+/// R, G, B to Y', Cb, Cr (ITU-T T.871, clause 7).
+pub const TO_YCC: [[f32; 3]; 3] =
+    [[0.299, 0.587, 0.114], [-0.168_736, -0.331_264, 0.5], [0.5, -0.418_688, -0.081_312]];
+
 /// A picture as quantised JPEG coefficients.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Coding {

@@ -5,6 +5,7 @@
 
 mod agreement;
 mod coefficients;
+mod earlier;
 mod huffman;
 mod scan;
 #[cfg(test)]
@@ -19,6 +20,7 @@ use super::metadata::{HOLE_BYTES, Lost, PartTable, Walked, longest_zero_run};
 use crate::frame::Size;
 pub(super) use agreement::agree;
 pub(super) use coefficients::{coefficients, coefficients_with_zeros};
+pub(super) use earlier::earlier_coding;
 pub(super) use usual_codes::with_usual_codes;
 
 /// Application segments by the beginning of their marker and body, and what is lost with them.

@@ -81,7 +81,8 @@ pub struct Photo {
     pub light: Frame<Work>,
     /// The sites of a raw photo, which alone are data.
     pub raw: Option<RawSites>,
-    /// A JPEG's quantised coefficients, where it has the rig's size and was not cut.
+    /// A JPEG's quantised coefficients, also of one that was saved again as another kind of file,
+    /// where it has the rig's size and was not cut.
     pub coding: Option<Coding>,
     /// The camera, as far as the file states it.
     pub camera: Option<PhotoCamera>,
@@ -101,6 +102,10 @@ pub struct Photo {
     /// Further notes on the file, for the report.
     pub notes: Vec<String>,
 }
+
+/// Note for a file whose pixels are those of a JPEG.
+const ONCE_A_JPEG: &str = "its pixels were those of a JPEG: it is restored from that JPEG's \
+                           coefficients; drop the JPEG itself if you have it";
 
 /// Light that follows elsewhere.
 fn no_light() -> Frame<Work> {
@@ -220,6 +225,9 @@ impl Photo {
         }
         let Raster { content, colour, orientation, icc, exif, coding, lost, .. } = raster;
         let format = content.written();
+        if coding.is_some() && content != Content::Written(Format::Jpeg) {
+            notes.push(ONCE_A_JPEG.to_owned());
+        }
         let named = exif.as_deref().and_then(exif::camera);
         Photo {
             name: name.to_owned(),
@@ -415,6 +423,22 @@ mod tests {
         assert_eq!((why(Size::new(75, 50)), why(Size::new(45, 30))), (None, None));
         let words = why(Size::new(150, 100)).unwrap();
         assert!(words.contains("75×50 in place of 150×100"), "{words}");
+    }
+
+    #[test]
+    fn a_jpeg_saved_again_as_png_has_its_coefficients_and_a_note() {
+        let jpeg = include_bytes!("../../tests/scenes/rocket.jpg");
+        let decoded = image::load_from_memory(jpeg).unwrap();
+        let mut png = std::io::Cursor::new(Vec::new());
+        decoded.write_to(&mut png, image::ImageFormat::Png).unwrap();
+        let of = |name, bytes: &[u8]| {
+            Photo::from_bytes(name, bytes, Curve::Srgb, &Limits::default()).unwrap()
+        };
+        let (first, again) = (of("a.jpg", jpeg), of("a.png", png.get_ref()));
+        let steps = |photo: &Photo| photo.coding.as_ref().unwrap().components[0].steps.clone();
+        assert_eq!(steps(&first), steps(&again));
+        assert!(!first.notes.contains(&ONCE_A_JPEG.to_owned()));
+        assert!(again.notes.contains(&ONCE_A_JPEG.to_owned()));
     }
 
     #[test]

@@ -22,11 +22,11 @@ use crate::calibration::SiteGains;
 use crate::config::Curve;
 use crate::deconvolution::smoothing::mean_around;
 use crate::frame::block_transform::{cosines, transform};
-use crate::frame::{BLOCK_AREA, BLOCK_PX, Channel, FULL_SCALE, Frame, Plane, Rect, Size, Work};
+use crate::frame::{
+    BLOCK_AREA, BLOCK_PX, Channel, FULL_SCALE, Frame, Plane, Rect, Size, TO_YCC, Work,
+};
 use crate::picture::Tone;
 
-/// Weights of luma (ITU-T T.871).
-const LUMA: [f32; 3] = [0.299, 0.587, 0.114];
 /// Codes up to which a coefficient may be pixels' rounding: four standard deviations of 1/√12.
 /// Of 0 to 1.5, where JPEGs of quality 60 show what is expected; set on the rates.
 const ROUNDING: f32 = 1.2;
@@ -48,7 +48,7 @@ impl SensorMatch {
     fn of(photo: &Frame<Work>, tone: &Tone, sites: &SiteGains, rect: Rect) -> SensorMatch {
         let mut codes = Plane::zeros(rect.size);
         let mut pattern = Plane::zeros(rect.size);
-        for (c, weight) in Channel::ALL.into_iter().zip(LUMA) {
+        for (c, weight) in Channel::ALL.into_iter().zip(TO_YCC[0]) {
             let seen = tone.display(c, photo.plane(c));
             let deviations = sites.deviations(c, rect);
             let added = added_codes(photo.plane(c), tone, c, deviations);
@@ -152,7 +152,7 @@ impl Pipeline {
 fn likely_places(photo: &Frame<Work>, tone: &Tone, sites: &SiteGains, field: Rect) -> Vec<Rect> {
     let size = photo.size();
     let mut codes = Plane::zeros(size);
-    for (c, weight) in Channel::ALL.into_iter().zip(LUMA) {
+    for (c, weight) in Channel::ALL.into_iter().zip(TO_YCC[0]) {
         codes.add_scaled(weight, &tone.display(c, photo.plane(c)));
     }
     let means = mean_around(&codes, 1);
@@ -161,7 +161,7 @@ fn likely_places(photo: &Frame<Work>, tone: &Tone, sites: &SiteGains, field: Rec
     codes.update(&powers, |code, power| *code /= power + LEAST_POWER);
     // What a gain of 2 adds to the codes, times these details.
     let weighted = Channel::ALL.map(|c| {
-        let weight = LUMA[c.index()];
+        let weight = TO_YCC[0][c.index()];
         let mut added = added_codes(photo.plane(c), tone, c, Plane::filled(size, weight));
         added.update(&codes, |added, code| *added *= code);
         (added, sites.deviations(c, field))

@@ -46,10 +46,10 @@ fn codings() -> Vec<FileCoding> {
             })
         }),
         of("60, 4:2:0", 60, (2, 2), |of, codes| other(of, codes, |_| {})),
+        of("85, 4:2:0, kept as a PNG", 85, (2, 2), kept_as_png),
+        of("60, 4:2:0, kept as a PNG", 60, (2, 2), kept_as_png),
         of("90, 4:2:0, cut off its blocks, kept as a PNG", 90, (2, 2), |of, codes| {
-            let mut png = Vec::new();
-            cut_before(of, codes)?.write_to(&mut Cursor::new(&mut png), ImageFormat::Png)?;
-            Ok(png)
+            png(&cut_before(of, codes)?)
         }),
         of("90, 4:2:0, cut off its blocks, again at 90", 90, (2, 2), |of, codes| {
             Ok(coded(&codes_of(&cut_before(of, codes)?), of.quality))
@@ -80,6 +80,17 @@ fn other(
     more(&mut encoder);
     let (width, height) = (u16::try_from(picture.width())?, u16::try_from(picture.height())?);
     encoder.encode(&picture, width, height, ColorType::Rgb)?;
+    Ok(file)
+}
+
+/// A JPEG of `codes`, decoded and written as a PNG.
+fn kept_as_png(of: &FileCoding, codes: &Frame<Work, u8>) -> Result<Vec<u8>, Failure> {
+    png(&image::load_from_memory(&other(of, codes, |_| {})?)?.into_rgb8())
+}
+
+fn png(picture: &RgbImage) -> Result<Vec<u8>, Failure> {
+    let mut file = Vec::new();
+    picture.write_to(&mut Cursor::new(&mut file), ImageFormat::Png)?;
     Ok(file)
 }
 

@@ -12,12 +12,11 @@
 
 use rayon::prelude::*;
 
-use super::TO_LUMA;
 use super::curve::CodeCurve;
 use crate::deconvolution::colour_axis::AlongAxes;
 use crate::deconvolution::detail_mask::DetailMask;
 use crate::deconvolution::smoothing::{blur, halve};
-use crate::frame::{Frame, Plane, Size, Work};
+use crate::frame::{Frame, Plane, Size, TO_YCC, Work};
 
 /// Factor on the threshold off luma: the independent study has 3. Set on coffee and rocket, where 6
 /// and 8 reduce ΔE by 0.1 to 0.4; more was not tried.
@@ -31,7 +30,7 @@ const DARKEST: f32 = 0.8;
 pub(super) fn directions(curves: &[CodeCurve; 3], photo: &Frame<Work>) -> [Plane; 3] {
     let of = |n: usize| {
         let about = halve(&blur(&photo.planes()[n], ABOUT_PX));
-        about.map(|v: f32| TO_LUMA[0][n] * curves[n].slope(v.max(DARKEST)))
+        about.map(|v: f32| TO_YCC[0][n] * curves[n].slope(v.max(DARKEST)))
     };
     let planes: Vec<Plane> = (0..3).into_par_iter().map(of).collect();
     <[Plane; 3]>::try_from(planes).unwrap_or_else(|_| [(); 3].map(|()| Plane::zeros(photo.size())))

@@ -30,17 +30,15 @@ use rayon::prelude::*;
 use crate::deconvolution::smoothing::blur;
 use crate::frame::block_transform::{cosines, transform, transposed};
 use crate::frame::{
-    BLOCK_AREA, BLOCK_PX, Channel, Channels, CodedComponent, Coding, Frame, Plane, Rect, Size, Work,
+    BLOCK_AREA, BLOCK_PX, Channel, Channels, CodedComponent, Coding, Frame, Plane, Rect, Size,
+    TO_YCC, Work,
 };
 use curve::CodeCurve;
 pub use history::coded_twice;
 use interval::truncated_mean;
 pub use luma::AlongLuma;
 
-/// R, G, B to Y', Cb, Cr (ITU-T T.871, clause 7).
-const TO_LUMA: [[f32; 3]; 3] =
-    [[0.299, 0.587, 0.114], [-0.168_736, -0.331_264, 0.5], [0.5, -0.418_688, -0.081_312]];
-/// Back, the first column being ones.
+/// From Y', Cb and Cr (ITU-T T.871, clause 7), the first column being ones.
 const FROM_CHROMA: [[f32; 2]; 3] = [[0.0, 1.402], [-0.344_136, -0.714_136], [1.772, 0.0]];
 /// σ of the Gaussian that gives the local brightness, pixels.
 const ABOUT_PX: f32 = 1.0;
@@ -161,7 +159,7 @@ impl JpegTerm {
             for x in 0..width {
                 let codes = |light: [f32; 3]| {
                     let codes: [f32; 3] = std::array::from_fn(|n| self.curves[n].encode(light[n]));
-                    let luma: f32 = (0..3).map(|n| TO_LUMA[0][n] * codes[n]).sum();
+                    let luma: f32 = (0..3).map(|n| TO_YCC[0][n] * codes[n]).sum();
                     (luma, codes.map(|code| code - luma))
                 };
                 let (luma, of_picture) = codes([red[x], green[x], blue[x]]);
@@ -312,7 +310,7 @@ impl JpegTerm {
         match self.channels().len() {
             1 => red.map(|code| code - middle),
             _ => {
-                let [r, g, b] = TO_LUMA[n];
+                let [r, g, b] = TO_YCC[n];
                 std::array::from_fn(|at| r * red[at] + g * green[at] + b * blue[at] - middle)
             }
         }
@@ -336,7 +334,7 @@ fn spread(
         };
         match (grey, n) {
             (true, _) => at(Channel::Green.index()),
-            (_, n) => (0..3).map(|c| TO_LUMA[n][c].powi(2) * at(c)).sum(),
+            (_, n) => (0..3).map(|c| TO_YCC[n][c].powi(2) * at(c)).sum(),
         }
     };
     let narrowed = if n == 0 { 1.0 } else { WIDENED_CHROMA * WIDENED_CHROMA };

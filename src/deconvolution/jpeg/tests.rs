@@ -47,7 +47,7 @@ fn stated_by(photo: &Frame<Work>, pixels: (u8, u8), (first, more): (u16, u16)) -
                     let x = ((x0 + k % 8) * across + p % across).min(size.width - 1);
                     let y = ((y0 + k / 8) * down + p / across).min(size.height - 1);
                     let code = |c: usize| curve.encode(photo.planes()[c].at(x, y)).round();
-                    (0..3).map(|c| TO_LUMA[n][c] * code(c)).sum::<f32>()
+                    (0..3).map(|c| TO_YCC[n][c] * code(c)).sum::<f32>()
                 };
                 let mean = (0..across * down).map(pixel).sum::<f32>() / (across * down) as f32;
                 mean - if n == 0 { MIDDLE } else { 0.0 }
@@ -180,7 +180,7 @@ fn a_picture_that_the_file_may_stand_for_hardly_moves_and_grey_is_decoded_alone(
 }
 
 #[test]
-fn a_jpeg_of_a_jpeg_is_told_by_its_gaps() {
+fn a_jpeg_of_a_jpeg_is_recognised_by_its_gaps() {
     // Soft enough that no value of a coefficient is common for the scene's own sake.
     let mut random = rand_xoshiro::Xoshiro256PlusPlus::seed_from_u64(8);
     let size = Size::new(256, 192);
@@ -254,7 +254,7 @@ fn colours_are_the_mean_of_both_and_luma_stays() {
     term.mix_colours(&mut mixed, &photo);
     let codes = |of: &Frame<Work>, n: usize| {
         let code = |c: Channel| term.curves[c.index()].encode(of.plane(c).at(20, 9));
-        Channel::ALL.map(|c| TO_LUMA[n][c.index()] * code(c)).iter().sum::<f32>()
+        Channel::ALL.map(|c| TO_YCC[n][c.index()] * code(c)).iter().sum::<f32>()
     };
     assert!((codes(&mixed, 0) - codes(&bright, 0)).abs() < 0.3);
     for n in [1, 2] {

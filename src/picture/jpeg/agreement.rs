@@ -3,7 +3,7 @@
 use super::super::Flaw;
 use super::unsupported;
 use crate::frame::block_transform::{cosines, transform, transposed};
-use crate::frame::{BLOCK_AREA, BLOCK_PX, Coding};
+use crate::frame::{BLOCK_AREA, BLOCK_PX, Coding, TO_YCC};
 
 /// Largest median difference in brightness, codes. Rounding to whole colours and back makes half a
 /// code. Guess.
@@ -36,8 +36,7 @@ pub(crate) fn agree(coding: &Coding, samples: &[u16], step: usize) -> Result<boo
                 let code = |at: usize| f32::from(pixel[at]);
                 let shown = match step {
                     1 => code(0),
-                    // ITU-T T.871, clause 7.
-                    _ => 0.299 * code(0) + 0.587 * code(1) + 0.114 * code(2),
+                    _ => (0..3).map(|c| TO_YCC[0][c] * code(c)).sum(),
                 };
                 apart.push((v + 128.0 - shown).abs());
             }
