@@ -65,6 +65,7 @@ pub(crate) const IDLE: &str = "The box waits for you.";
 
 const FLICKER: &str = "Test pictures will flicker here while the box works.";
 const KEEP_STILL: &str = "Keep still until the white lamp goes out.";
+const ASKING_KEYS: &str = "Short press: take another. Long press: not now.";
 const MAINTENANCE_KEYS: &str =
     "Photos wait. Short press: back to work. Long press: measure the lens.";
 const RECOVERS: &str = "This message disappears once the problem is fixed. No photo is lost.";
@@ -121,6 +122,15 @@ pub(crate) fn photos(count: usize) -> String {
     if count == 1 { "1 photo".to_owned() } else { format!("{count} photos") }
 }
 
+/// Title of a resting box.
+fn waiting(photos: usize) -> String {
+    match photos {
+        0 => "Resting".to_owned(),
+        1 => "1 photo waits".to_owned(),
+        n => format!("{n} photos wait"),
+    }
+}
+
 /// `words` with a capital and a full stop.
 pub(crate) fn sentence(words: &str) -> String {
     let mut letters = words.chars();
@@ -146,12 +156,10 @@ fn content(screen: &Screen) -> ScreenContent {
             ScreenContent::new(Symbol::Ring, "Taking the photo", vec![main(KEEP_STILL)])
         }
         Screen::Asking { photos: count, words, .. } => {
-            let keys = format!(
-                "{} to restore. Short press: take another. Long press: not now.",
-                photos(*count)
-            );
-            let lines = vec![main(words), soft(&keys)];
-            let content = ScreenContent::new(Symbol::Square, "Put me before the lens", lines);
+            let to_restore = photos(*count);
+            let keys = soft(&format!("{to_restore} to restore. {ASKING_KEYS}"));
+            let asked = "Put me before the lens";
+            let content = ScreenContent::new(Symbol::Square, asked, vec![main(words), keys]);
             ScreenContent { symbol_colour: GREEN, ..content }
         }
         Screen::Measuring { why } => {
@@ -172,11 +180,7 @@ fn content(screen: &Screen) -> ScreenContent {
             ScreenContent::new(Symbol::Disc, title, vec![main(photo), soft(words), soft(hint)])
         }
         Screen::Resting { words, photos: count, .. } => {
-            let title = match count {
-                0 => "Resting".to_owned(),
-                1 => "1 photo waits".to_owned(),
-                n => format!("{n} photos wait"),
-            };
+            let title = waiting(*count);
             ScreenContent::new(Symbol::Moon, title, vec![main(&sentence(words))])
         }
         Screen::Trouble { what, to_do } => {

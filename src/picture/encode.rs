@@ -93,13 +93,39 @@ fn encoded(
         (Format::Jpeg, _) => ColorType::L8,
         (_, colour) => colour,
     };
+    let size = turned_size(picture.size(), manner.orientation);
+    let raw = samples(&picture, manner, grey, colour);
+    let mut bytes = Vec::with_capacity(raw.len());
+    let out = Cursor::new(&mut bytes);
+    match manner.format {
+        Format::Jpeg => {
+            write(JpegEncoder::new_with_quality(out, quality), manner, &raw, size, colour)?;
+        }
+        Format::Png => write(PngEncoder::new(out), manner, &raw, size, colour)?,
+        Format::Tiff => {
+            write(TiffEncoder::new(out), manner, &raw, size, colour)?;
+            if let Some(exif) = &manner.exif {
+                bytes = exif::into_tiff(bytes, &exif::of_result(exif, size));
+            }
+        }
+    }
+    Ok(bytes)
+}
+
+/// The samples of `picture` in `colour`, turned upright.
+fn samples(
+    picture: &DeliveredPicture<'_>,
+    manner: &Manner,
+    grey: bool,
+    colour: ColorType,
+) -> Vec<u8> {
     let grey = grey || !manner.colour.has_color();
     let (deep, narrow) = (bits_of(manner.colour) > 8, bits_of(colour) == 8);
     let stored = picture.size();
-    let size = turned_size(stored, manner.orientation);
+    let width = turned_size(stored, manner.orientation).width;
     let upright = upright_place(stored, manner.orientation);
     let (pixel, sample) = (usize::from(colour.bytes_per_pixel()), if narrow { 1 } else { 2 });
-    let mut raw = vec![0; size.area() * pixel];
+    let mut raw = vec![0; stored.area() * pixel];
     let colours: &[Channel] = if colour.has_color() { &Channel::ALL } else { &[Channel::Green] };
     // By bands: the planes of a large photo need much memory.
     for rows in bands_of(stored.height) {
@@ -107,7 +133,7 @@ fn encoded(
             for (y, row) in rows.clone().zip(codes.chunks(stored.width.max(1))) {
                 for (x, &code) in row.iter().enumerate() {
                     let (x, y) = upright(x, y);
-                    let place = &mut raw[(y * size.width + x) * pixel + n * sample..][..sample];
+                    let place = &mut raw[(y * width + x) * pixel + n * sample..][..sample];
                     match (deep, narrow) {
                         (true, true) => place[0] = ((u32::from(code) + 128) / 257) as u8,
                         (false, _) => place[0] = code as u8,
@@ -133,21 +159,7 @@ fn encoded(
             put(colours.len(), codes);
         }
     }
-    let mut bytes = Vec::with_capacity(raw.len());
-    let out = Cursor::new(&mut bytes);
-    match manner.format {
-        Format::Jpeg => {
-            write(JpegEncoder::new_with_quality(out, quality), manner, &raw, size, colour)?;
-        }
-        Format::Png => write(PngEncoder::new(out), manner, &raw, size, colour)?,
-        Format::Tiff => {
-            write(TiffEncoder::new(out), manner, &raw, size, colour)?;
-            if let Some(exif) = &manner.exif {
-                bytes = exif::into_tiff(bytes, &exif::of_result(exif, size));
-            }
-        }
-    }
-    Ok(bytes)
+    raw
 }
 
 fn write<E: ImageEncoder>(

@@ -16,7 +16,9 @@ use crate::kiosk::screen::{PhotoPair, Screen, draw};
 use crate::measurement::{CalibrationProgress, calibrate};
 use crate::nights::pilot::{self, Drift, PilotReading};
 use crate::picture::{Photo, PictureError};
-use crate::pipeline::{Interruption, Outcome, Pipeline, Restoration, Setting, Stopwatch, Verdict};
+use crate::pipeline::{
+    Interruption, Outcome, Pipeline, Prepared, Restoration, Setting, Stopwatch, Verdict,
+};
 use crate::remedy::{AnyFailure, Remedy};
 use crate::rig::exposure::Devices;
 use crate::rig::frame_mark::MarkPlace;
@@ -159,8 +161,8 @@ impl OnRig {
 
 /// Why a photo in portrait is returned.
 const UPRIGHT: &str = "the photo is stored upright, which leaves open how the camera was turned, \
-    and does not show the pattern of this camera's pixels, which would tell; drop it as the camera \
-    stored it, or as a photo in landscape";
+    and does not show the pattern of this camera's pixels, which would decide it; drop it as the \
+    camera stored it, or as a photo in landscape";
 /// Note for a photo that was turned after it was taken.
 const TURNED: &str = "the photo was turned after it was taken, as the pattern of the camera's \
     pixels shows: it is restored from its decoded pixels";
@@ -179,6 +181,39 @@ impl OnRig {
             _ => self.pipeline.shows_sensor(BinnedPhoto::of(&turned, by).data()),
         };
         shows_sensor.then_some(turned)
+    }
+
+    /// Restores `turned`, a photo turned by half, and turns its result back.
+    fn restore_turned(
+        &mut self,
+        turned: &Photo,
+        is_side_guessed: bool,
+        progress: &mut dyn FnMut(Progress),
+    ) -> Result<Outcome, AnyFailure> {
+        let mut outcome = self.restore(turned, progress)?;
+        outcome.turn_by_half();
+        if outcome.verdict != Verdict::Untouched && !is_side_guessed {
+            outcome.notes.push(TURNED.to_owned());
+        }
+        Ok(outcome)
+    }
+
+    /// Removes the lens's dark corners from the result of `photo`, and adds notes on what was done.
+    fn finish(&self, outcome: &mut Outcome, photo: &Photo, prepared: &Prepared<'_>) {
+        outcome.notes.extend(photo.is_side_guessed.then(|| TURNED.to_owned()));
+        let (field, rect) = (self.config.photo_on_canvas(), prepared.observation.rect);
+        let from = (rect.x - field.x, rect.y - field.y);
+        if rect != field {
+            let by = self.config.camera.binning;
+            let (x, y) = (by * from.0, by * from.1);
+            outcome.notes.push(format!(
+                "the photo is a part of the rig's, from its column {x} and row {y} on, as the \
+                 pattern of the camera's pixels shows"
+            ));
+        }
+        outcome.notes.extend(self.remove_vignetting(&mut outcome.picture, from));
+        let noise = prepared.observation.noise[Channel::Green.index()];
+        outcome.notes.push(format!("noise of the photo: {noise:.2} grey levels"));
     }
 }
 
@@ -208,18 +243,13 @@ impl Restorer for OnRig {
             Some(binned) => self.pipeline.prepare(binned.data()),
             None => self.pipeline.prepare(photo),
         };
-        if !prepared.shows_sensor()
-            && let Some(turned) = self.turned_by_half(photo)
-        {
-            let mut outcome = self.restore(&turned, progress)?;
-            outcome.turn_by_half();
-            if outcome.verdict != Verdict::Untouched && !photo.is_side_guessed {
-                outcome.notes.push(TURNED.to_owned());
+        if !prepared.shows_sensor() {
+            if let Some(turned) = self.turned_by_half(photo) {
+                return self.restore_turned(&turned, photo.is_side_guessed, progress);
             }
-            return Ok(outcome);
-        }
-        if photo.is_side_guessed && !prepared.shows_sensor() {
-            return Ok(Outcome::untouched(solved.clone(), UPRIGHT));
+            if photo.is_side_guessed {
+                return Ok(Outcome::untouched(solved.clone(), UPRIGHT));
+            }
         }
         let steps = prepared.observation.sampling.solve_steps(self.setting.steps, false);
         let mut counter =
@@ -232,21 +262,9 @@ impl Restorer for OnRig {
         }
         outcome.notes.extend_from_slice(&prepared.notes);
         if outcome.verdict != Verdict::Untouched {
-            outcome.notes.extend(photo.is_side_guessed.then(|| TURNED.to_owned()));
-            let (field, rect) = (self.config.photo_on_canvas(), prepared.observation.rect);
-            let from = (rect.x - field.x, rect.y - field.y);
-            if rect != field {
-                let (x, y) = (by * from.0, by * from.1);
-                outcome.notes.push(format!(
-                    "the photo is a part of the rig's, from its column {x} and row {y} on, as the \
-                     pattern of the camera's pixels shows"
-                ));
-            }
-            outcome.notes.extend(self.remove_vignetting(&mut outcome.picture, from));
+            self.finish(&mut outcome, photo, &prepared);
             let pair = [solved, &outcome.picture].map(|light| photo.for_display(light));
             self.last = Some(pair.into());
-            let noise = prepared.observation.noise[Channel::Green.index()];
-            outcome.notes.push(format!("noise of the photo: {noise:.2} grey levels"));
         }
         let noise = prepared.observation.noise;
         // A large result needs the memory.

@@ -192,6 +192,30 @@ fn add_at(row: &mut [f32], left: isize, lanes: Lanes) {
     }
 }
 
+/// Sets `products` to `light` times the conjugate of `function`, times the `factors`.
+#[inline(always)]
+fn conjugate_products<const FUSED: bool>(
+    products: &mut [ComplexLanes],
+    light: &[ComplexLanes],
+    function: &[ComplexLanes],
+    factors: Option<&[Lanes]>,
+) {
+    // Loops rather than closures, which may not be inlined and are then compiled without AVX2.
+    let products = products.iter_mut().zip(light).zip(function);
+    match factors {
+        None => {
+            for ((product, &l), &p) in products {
+                *product = l.product_conjugate::<FUSED>(p);
+            }
+        }
+        Some(factors) => {
+            for (((product, &l), &p), &factor) in products.zip(factors) {
+                *product = l.product_conjugate::<FUSED>(p).scaled(factor);
+            }
+        }
+    }
+}
+
 /// The contribution of one row of cells to K x.
 pub(super) struct Forward<'a> {
     pub(super) cells: &'a Cells,
@@ -228,8 +252,6 @@ impl Kernel for Forward<'_> {
                         let (found, _) = cell.along(half, group, b, data, scratch);
                         let function = &spectra[of[2 * a + b]][group * nx..][..nx];
                         let terms = sum[..nx].iter_mut().zip(&*found).zip(function);
-                        // Loops rather than closures, which may not be inlined and are then
-                        // compiled without AVX2.
                         if a + b == 0 {
                             for ((sum, &light), &p) in terms {
                                 *sum = light.product::<FUSED>(p);
@@ -248,22 +270,14 @@ impl Kernel for Forward<'_> {
             }
             let reach = cell.reach();
             for column in (0..reach.width).step_by(2 * LANES) {
-                let both = inverse::<FUSED>(
-                    cell.fy,
-                    (seen, column),
-                    (seen, column + LANES),
-                    pitch,
-                    data,
-                    scratch,
-                );
+                let (first, second) = ((&seen[..], column), (&seen[..], column + LANES));
+                let both = inverse::<FUSED>(cell.fy, first, second, pitch, data, scratch);
                 let left = (along_x.start + column) as isize - r as isize;
                 for (y, light) in both[..reach.height].iter().enumerate() {
-                    let rows =
-                        if y < r || y >= r + along_y.length { &mut *spill } else { &mut *band };
-                    let place = match y {
-                        above if above < r => above,
-                        inside if inside < r + along_y.length => inside - r,
-                        below => below - along_y.length,
+                    let (rows, place) = match y {
+                        above if above < r => (&mut *spill, above),
+                        inside if inside < r + along_y.length => (&mut *band, inside - r),
+                        below => (&mut *spill, below - along_y.length),
                     };
                     let row = &mut rows[place * canvas_width..][..canvas_width];
                     add_at(row, left, light.re);
@@ -310,21 +324,10 @@ impl Kernel for Adjoint<'_> {
                         [group * pitch..][..pitch];
                     row[width..].fill(ComplexLanes::default());
                     for b in 0..along_x.functions.len() {
-                        let function = &spectra[of[2 * a + b]][group * nx..][..nx];
-                        let products = sum[..nx].iter_mut().zip(&*light).zip(function);
-                        match factors {
-                            None => {
-                                for ((product, &l), &p) in products {
-                                    *product = l.product_conjugate::<FUSED>(p);
-                                }
-                            }
-                            Some(factors) => {
-                                let factors = &factors[of[2 * a + b]][group * nx..][..nx];
-                                for (((product, &l), &p), &factor) in products.zip(factors) {
-                                    *product = l.product_conjugate::<FUSED>(p).scaled(factor);
-                                }
-                            }
-                        }
+                        let which = of[2 * a + b];
+                        let function = &spectra[which][group * nx..][..nx];
+                        let factors = factors.map(|all| &all[which][group * nx..][..nx]);
+                        conjugate_products::<FUSED>(&mut sum[..nx], light, function, factors);
                         let (found, _) = cell.fx.run::<true>(sum, free);
                         for ((value, &l), &u) in row.iter_mut().zip(&*found).zip(cell.u) {
                             if b == 0 {
@@ -341,14 +344,8 @@ impl Kernel for Adjoint<'_> {
                 lower.fill(ComplexLanes::default());
             }
             for column in (0..width).step_by(LANES) {
-                let both = inverse::<FUSED>(
-                    cell.fy,
-                    (upper, column),
-                    (lower, column),
-                    pitch,
-                    data,
-                    scratch,
-                );
+                let (first, second) = ((&upper[..], column), (&lower[..], column));
+                let both = inverse::<FUSED>(cell.fy, first, second, pitch, data, scratch);
                 let columns = LANES.min(width - column);
                 for (i, (light, &v)) in both.iter().zip(cell.v).enumerate() {
                     let values = light.im.times_plus::<FUSED>(Lanes::all(v), light.re * (1.0 - v));
