@@ -175,7 +175,8 @@ impl ShownSteps {
     fn of(samples: &Plane) -> ShownSteps {
         let Size { width, height } = samples.size();
         // Blocks at the border may be cut.
-        let blocks = blocks_of(samples, Size::new(width / BLOCK_PX, height / BLOCK_PX));
+        let whole = Size::new(width / BLOCK_PX, height / BLOCK_PX);
+        let blocks: Vec<_> = blocks_of(samples, whole).collect();
         let step = |k: usize| step_of(blocks.iter().map(|block| block[k].abs()).collect());
         let all: Vec<_> = (0..BLOCK_AREA).into_par_iter().map(step).collect();
         ShownSteps(std::array::from_fn(|k| all[k]))
@@ -231,30 +232,27 @@ fn step_of(mut values: Vec<f32>) -> Option<u16> {
     })
 }
 
-/// The coefficients of the first `blocks` of `samples`, which the border's continue.
-fn blocks_of(samples: &Plane, blocks: Size) -> Vec<BlockCoefficients> {
+/// The coefficients of each of the `blocks` of `samples`. Blocks beyond the border repeat it.
+fn blocks_of(samples: &Plane, blocks: Size) -> impl ParallelIterator<Item = BlockCoefficients> {
     let (there, size) = (cosines(), samples.size());
-    let of_block = |n: usize| {
+    (0..blocks.area()).into_par_iter().map(move |n| {
         let (left, top) = (n % blocks.width * BLOCK_PX, n / blocks.width * BLOCK_PX);
-        let mut block: BlockCoefficients = std::array::from_fn(|k| {
+        let mut block = std::array::from_fn(|k| {
             let (x, y) = (left + k % BLOCK_PX, top + k / BLOCK_PX);
             samples.at(x.min(size.width - 1), y.min(size.height - 1))
         });
         transform(&mut block, &there);
         block
-    };
-    (0..blocks.area()).into_par_iter().map(of_block).collect()
+    })
 }
 
 /// The component of `samples` in `blocks` by its `steps`.
 fn coded(samples: &Plane, pixels: (u8, u8), blocks: Size, steps: Vec<u16>) -> CodedComponent {
-    let all = blocks_of(samples, blocks);
-    let coefficients = all
-        .iter()
-        .flat_map(|block| {
-            block.iter().zip(&steps).map(|(v, &step)| (v / f32::from(step)).round() as i16)
-        })
-        .collect();
+    let of_block = |block: BlockCoefficients| {
+        let values = block.into_iter().zip(&steps);
+        values.map(|(v, &step)| (v / f32::from(step)).round() as i16)
+    };
+    let coefficients = blocks_of(samples, blocks).flat_map_iter(of_block).collect();
     CodedComponent { pixels, blocks, steps, coefficients }
 }
 
