@@ -197,7 +197,8 @@ impl Trade {
         sum / f64::from(count.max(1))
     }
 
-    /// Index of the point to choose: the fastest that keeps the share `keeps` of the largest gain.
+    /// Index of the point to choose: the fastest that keeps the share `keeps` of the largest gain;
+    /// `None` if no point gains.
     pub fn operating_point(&self, keeps: f64) -> Option<usize> {
         let worth = |point: &Point| match point.is_choice() {
             true => self.share(point),
@@ -205,6 +206,9 @@ impl Trade {
         };
         let front = Trade::front(&self.points, Point::seconds, worth);
         let best = worth(&self.points[*front.last()?]);
+        if best <= 0.0 {
+            return None;
+        }
         front.into_iter().find(|&n| worth(&self.points[n]) >= keeps * best)
     }
 
@@ -317,6 +321,8 @@ mod tests {
         let chosen = [BEST, BALANCED, FAST, 0.7].map(|keeps| trade.operating_point(keeps));
         assert_eq!(chosen, [Some(0), Some(3), Some(3), Some(1)]);
         assert_eq!(Trade::default().operating_point(FAST), None);
+        let no_gain = Trade { points: vec![point(1.0, 0.8), point(0.5, 0.7)] };
+        assert_eq!(no_gain.operating_point(FAST), None);
         trade.points.push(Point { family: "another program".to_owned(), ..point(0.5, 0.95) });
         assert_eq!(Trade::front(&trade.points, Point::seconds, Point::ssim), vec![4]);
         assert_eq!(trade.operating_point(BEST), Some(0));

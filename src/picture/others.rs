@@ -101,14 +101,15 @@ fn pnm_end(bytes: &[u8]) -> usize {
     usize::try_from(decoder.into_inner().0.position().saturating_add(length)).unwrap_or(usize::MAX)
 }
 
-/// Extensions of a GIF by their label and the application's name, and what is lost with them.
+/// Extensions of a GIF by their label and, behind its length, the application's name, and what is
+/// lost with them.
 const GIF_EXTENSIONS: PartTable = PartTable {
-    used: &[b"\xf9", b"\xffNETSCAPE2.0", b"\xffANIMEXTS1.0"],
+    used: &[b"\xf9", b"\xff\x0bNETSCAPE2.0", b"\xff\x0bANIMEXTS1.0"],
     lost: &[
         (b"\x01", Lost::TEXTS),
         (b"\xfe", Lost::TEXTS),
-        (b"\xffXMP DataXMP", Lost::XMP),
-        (b"\xffICCRGBG1012", Lost::PROFILE),
+        (b"\xff\x0bXMP DataXMP", Lost::XMP),
+        (b"\xff\x0bICCRGBG1012", Lost::PROFILE),
     ],
 };
 
@@ -220,6 +221,12 @@ mod tests {
         assert_eq!(gif_blocks(&gif).map(|found| found.pictures), Some(2));
         let lost = walk(&gif, Content::Gif).unwrap().lost;
         assert!(lost.into_iter().eq([Lost::TEXTS, Lost::PICTURES]));
+        let with = |name: &[u8]| {
+            let extension = [b"!\xff\x0b", name, b"\x03\x01\0\0\0"].concat();
+            walk(&[&gif[..19], &extension, &gif[19..]].concat(), Content::Gif).unwrap().lost
+        };
+        assert!(with(b"NETSCAPE2.0").into_iter().eq([Lost::TEXTS, Lost::PICTURES]));
+        assert!(with(b"XMP DataXMP").contains(&Lost::XMP));
         // Whole from the end of the first picture on, unless a hole follows.
         let first_end = gif.len() - 1 - 15;
         let whole = |bytes: &[u8]| walk(bytes, Content::Gif).is_ok();

@@ -45,10 +45,12 @@ pub const SETTLING_STEPS: u32 = 3;
 /// Steps at the photo's own grid after those on binned pixels. Before block matching more gain
 /// nothing, without it two gain 0.001 SSIM (`tests/tables/tried.md`).
 const OWN_STEPS: u32 = 1;
-/// Residual of a picture on binned pixels, in σ of the photo's noise, above which they do not carry
-/// the scene, and it is solved at the photo's own grid. Nine photographs have at most 1.24, raw or
-/// developed, a chart of fine strokes 1.86 (`tests/tables/tried.md`).
+/// Residual of a picture on binned pixels, in σ of the photo's noise, above which they are too
+/// coarse for the scene. A raw photo is then solved at its own grid from the start, another one in
+/// [`OWN_STEPS_OF_COARSE`] steps from that picture. Nine photographs have at most 1.24, raw or
+/// developed, a page and a chart of fine strokes 1.53 to 1.89 (`tests/tables/tried.md`).
 const BINNED_RESIDUAL_MAX: f32 = 1.5;
+const OWN_STEPS_OF_COARSE: u32 = 4;
 
 /// The method and its parameters.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -149,7 +151,8 @@ impl Digital {
         let seconds = course.seconds();
         let residual = problem.residual_over_noise(&prediction);
         log::debug!("the picture on binned pixels leaves {residual:.2} σ of the photo");
-        let (picture, steps) = if residual > BINNED_RESIDUAL_MAX {
+        let is_coarse = residual > BINNED_RESIDUAL_MAX;
+        let (picture, steps) = if is_coarse && problem.observation.sampling.mosaic().is_some() {
             drop((picture, prediction));
             self.solve_at_own_grid(problem, structure, watch)
         } else {
@@ -157,7 +160,8 @@ impl Digital {
             let (data, norms) = (&problem.observation.light, problem.level_norms);
             let target = Target { problem, data, mask, axes: axes.as_ref(), norms };
             let start = Start::Picture { picture, prediction };
-            Digital { steps: OWN_STEPS, ..*self }.solve_from(target, start, watch)
+            let steps = if is_coarse { OWN_STEPS_OF_COARSE } else { OWN_STEPS };
+            Digital { steps, ..*self }.solve_from(target, start, watch)
         };
         course.extend(&steps, 0, seconds);
         (picture, course.record)
@@ -316,7 +320,9 @@ mod tests {
     use super::*;
     use crate::deconvolution::example_lens::{gaussians, lens, photo, scene};
     use crate::deconvolution::level_norms::LevelNorms;
-    use crate::frame::Channels;
+    use crate::deconvolution::observation::{Raw, Sampling};
+    use crate::frame::{Channels, Mosaic};
+    use std::sync::Arc;
 
     #[test]
     fn binned_pixels_before_the_own_grid_lose_nothing_where_they_carry_the_scene() {
@@ -324,8 +330,15 @@ mod tests {
         let mut observation = photo(&model, 8, Channels::Colour);
         let method = Digital::default();
         let norms = Channel::ALL.map(|c| LevelNorms::measure(&model, c, method.levels, 12, 1));
-        for (noise, is_carried) in [(0.1, false), (1.0, true)] {
+        let developed = Arc::clone(&observation.sampling);
+        let raw: Arc<dyn Sampling> = Arc::new(Raw { mosaic: Mosaic::Rggb });
+        for (sampling, noise, own_steps) in [
+            (&developed, 1.0, OWN_STEPS),
+            (&developed, 0.1, OWN_STEPS_OF_COARSE),
+            (&raw, 0.1, method.steps),
+        ] {
             observation.noise = [noise; 3];
+            observation.sampling = Arc::clone(sampling);
             let problem = Problem {
                 observation: &observation,
                 model: &model,
@@ -351,13 +364,13 @@ mod tests {
                 (power.sqrt(), record.steps().len())
             };
             let (on_two, steps) = error(method.solve_photo(&problem, &structure, &mut |_, _| {}));
-            let (on_one, steps_on_one) =
-                error(method.solve_at_own_grid(&problem, &structure, &mut |_, _| {}));
-            let more = if is_carried { OWN_STEPS as usize } else { steps_on_one };
-            assert_eq!(steps, method.steps as usize + more, "noise {noise}");
+            let on_one = error(method.solve_at_own_grid(&problem, &structure, &mut |_, _| {})).0;
+            assert_eq!(steps, (method.steps + own_steps) as usize, "noise {noise}");
             let blurred = error((observation.light.clone(), IterationRecord::default())).0;
             let words = format!("noise {noise}: {on_two} {on_one} {blurred}");
-            assert!(on_two < 1.02 * on_one && on_two < 0.8 * blurred, "{words}");
+            assert!(on_two < 1.02 * on_one, "{words}");
+            // Here the raw photo has no sites of its own.
+            assert!(sampling.mosaic().is_some() || on_two < 0.8 * blurred, "{words}");
         }
     }
 }
