@@ -35,8 +35,8 @@ pub struct Rig {
 }
 
 impl Rig {
-    /// Opens the rig of the rig file `path`, or a built-in one by its name, such as `small.toml`.
-    /// Real devices need the feature `hardware`.
+    /// Opens the rig that the file `path` describes, or a built-in one by its name, such as
+    /// `small.toml`. Real devices need the feature `hardware`.
     ///
     /// # Errors
     /// When the file is invalid (the message states line, key, what was found and what is allowed),
@@ -54,12 +54,12 @@ impl Rig {
         Ok(Rig { file, devices })
     }
 
-    /// Its name, by the rig file.
+    /// Name of the rig, from its file.
     pub fn name(&self) -> &str {
         &self.file.name
     }
 
-    /// Width and height of its photos, in pixels.
+    /// Width and height of the rig's photos, in pixels.
     pub fn photo_size(&self) -> Size {
         self.file.photo_grid().photo.size
     }
@@ -119,8 +119,8 @@ impl Rig {
     }
 
     /// Measures the rig and keeps the calibration in `folder`, which is made if missing. It shows
-    /// patterns, photographs them, fits the model of the rig, and judges the fit. On failure the
-    /// old calibration stays.
+    /// patterns, photographs them, fits the model of the rig, and judges the fit. If the
+    /// measurement fails, the old calibration stays.
     ///
     /// # Errors
     /// When the rig cannot be calibrated (panel out of view, over-exposed, too dark, moving, out of
@@ -152,8 +152,8 @@ impl Rig {
         })
     }
 
-    /// The restorer on this rig, with the calibration in `folder`, by the method of the rig file or
-    /// the chosen operating point.
+    /// Turns the rig into a restorer with the calibration in `folder`. Its method is that of the
+    /// rig file or of the chosen operating point.
     ///
     /// # Errors
     /// When `folder` holds no valid calibration of this rig; then call [`Rig::calibrate`].
@@ -191,18 +191,18 @@ pub struct Calibrated {
     /// lens, noise included, in grey levels of 255, for red, green and blue.
     pub operator_error: [f32; 3],
     /// Share of red, green and blue light scattered beyond the reach of the lens functions, 0..1;
-    /// zero where the rig file does not measure it.
+    /// zero if the rig file disables its measurement.
     pub scattered: [f32; 3],
 }
 
-/// A calibrated rig, photo after photo.
+/// Restorer of photos on a calibrated rig.
 pub struct PhotoRestorer {
     file: config::RigFile,
     on_rig: OnRig,
 }
 
 impl PhotoRestorer {
-    /// Reads a photo; as [`Rig::read`].
+    /// Reads the photo in the file `path`, as [`Rig::read`] does.
     ///
     /// # Errors
     /// As [`Rig::read`].
@@ -280,7 +280,7 @@ impl fmt::Debug for Error {
     }
 }
 
-/// The message and its causes.
+/// Writes the message, followed by its causes.
 impl fmt::Display for Error {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(&full_message(&*self.0))

@@ -63,7 +63,7 @@
 //! | 5 | [`kiosk`] | button, lamps, screens |
 //! | 6 | [`alignment`] | a rig's focus, aim and brightness |
 //! | 6 | [`pipeline`], [`nights`] | one photo on a calibrated rig; schedule, clock, drift |
-//! | 7 | [`restorer`] | a rig's restorer and its kept files |
+//! | 7 | [`restorer`] | the restorer on a rig and the files that it keeps |
 //! | 8 | [`daemon`], [`chart`] | drop folder, jobs, reports; speed, operating point |
 //! | 9 | [`face`] | the library: open, calibrate, restore, photograph |
 //!
@@ -72,8 +72,8 @@
 // Hidden modules have pages for developers: `cargo doc --document-private-items`.
 #![allow(rustdoc::private_intra_doc_links)]
 
-// For the program, the laboratory, tests and fuzzing alone. Hidden only when documented, so that
-// the compiler still requires documentation.
+// These modules are for the program, the laboratory, tests and fuzzing alone. They are hidden only
+// when the documentation is built, so that the compiler still requires it.
 #[cfg_attr(doc, doc(hidden))]
 pub mod alignment;
 #[cfg_attr(doc, doc(hidden))]

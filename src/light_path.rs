@@ -1,7 +1,7 @@
 //! Forward convolution by a rig: the candidate is shown on the panel and captured.
 //!
-//! L is resampled once, to the panel; captures are cropped and corrected pixel by pixel, never
-//! resampled. The detail that L loses on the panel's square pixels
+//! The candidate L is resampled once, to the panel; captures are cropped and corrected pixel by
+//! pixel, never resampled. The detail that L loses on the panel's square pixels
 //! ([`Correction::take_by_perfect_lens`]) is passed through the lens model and added to the
 //! capture.
 
@@ -13,7 +13,8 @@ use crate::frame::{Channel, FULL_SCALE, Frame, Plane, Size, Work};
 use crate::remedy::{AnyFailure, Remediable, Remedy};
 use crate::rig::exposure::Devices;
 
-/// Least RMS of lost detail that is added, grey levels: far below the rounding of a code.
+/// Smallest RMS of lost detail that is added to a capture, grey levels: far below a code's
+/// rounding.
 const LOST_MIN: f64 = 1e-3;
 
 /// A calibrated rig as an operator on Work frames.
@@ -22,7 +23,7 @@ pub struct LightPath<'a> {
     correction: &'a Correction,
     /// The lens model at the panel's focus.
     panel: &'a LensModel,
-    /// The lens model at the photo's focus, where it is another.
+    /// The lens model at the photo's focus, if that is not the panel's.
     photo: Option<&'a LensModel>,
     stopwatch: &'a (dyn Fn() -> f64 + Sync),
     waited_seconds: f64,
@@ -63,9 +64,9 @@ impl<'a> LightPath<'a> {
         }
     }
 
-    /// Converts captures to the focus of `photo`. They are K L at the panel's focus, for the panel
-    /// does not move; at the photo's they would have been about (K̂_photo − K̂_panel) L more.
-    /// Errors common to both models cancel.
+    /// Converts captures to the focus of the lens model `photo`. A capture is K L at the panel's
+    /// focus, since the panel does not move; adding (K̂_photo − K̂_panel) L converts it. Errors
+    /// common to both models cancel.
     #[must_use]
     pub fn at_focus_of(mut self, photo: &'a LensModel) -> Self {
         self.photo = Some(photo);
@@ -89,9 +90,9 @@ impl<'a> LightPath<'a> {
 }
 
 impl LightPath<'_> {
-    /// Captures `picture`, light 0..255, and adds by the lens model the detail that the panel's
-    /// light lacks. With the K̂ of the picture at the photo's focus, `predicted`, the capture is
-    /// converted to that focus.
+    /// Captures `picture`, light 0..255, and adds the detail that the panel cannot show, blurred by
+    /// the lens model. Given `predicted`, K̂_photo of the picture, it converts the capture to the
+    /// photo's focus.
     ///
     /// # Errors
     /// [`Interrupted`]; the failure of the capture.
@@ -122,9 +123,9 @@ impl LightPath<'_> {
         Ok(seen)
     }
 
-    /// K (L − S) of each channel by the panel's lens K, for the panel's light S and the light L of
-    /// `picture`; −K S without a picture. `None` where nothing is lost: panel and sensor pixels
-    /// coincide.
+    /// Lost detail of each channel, K (L − S), for the lens model K at the panel's focus, the light
+    /// L of `picture` and the panel's light S, `shown`; −K S without a picture. `None` if nothing
+    /// is lost because panel and sensor pixels coincide.
     fn lost_detail(
         &self,
         mut shown: ShownLight,
@@ -141,7 +142,7 @@ impl LightPath<'_> {
                 let mut lost = Plane::zeros(lacking.size());
                 self.panel.forward(c, &lacking, &mut lost);
                 if self.photo.is_some() {
-                    // The photo is solved by its own lens.
+                    // The solver uses the photo's own lens model.
                     self.panel.release_spectra(c);
                 }
                 lost

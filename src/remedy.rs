@@ -50,7 +50,7 @@ pub trait Remediable: Error {
         self.remedy().what_to_do()
     }
 
-    /// Whether it is a cancellation and no failure.
+    /// Whether this is a cancellation rather than a failure.
     fn was_asked_for(&self) -> bool {
         false
     }

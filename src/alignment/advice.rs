@@ -1,5 +1,5 @@
-//! Advice of `relens align`: each row is a condition, an action and a sentence. Rows are ordered so
-//! that no action undoes an earlier one.
+//! Advice of `relens align` as rows of a condition, an action and a sentence, ordered so that no
+//! action undoes an earlier one.
 
 use std::fmt;
 
@@ -18,53 +18,53 @@ const NAMES: [&str; PLACES] = [
     "lower middle",
     "lower right",
 ];
-/// Least light of a place that sees the panel, as a share of the brightest place. Guess: no
-/// backlight is as uneven.
+/// Least light of a place that counts as seeing the panel, as a share of the brightest place.
+/// Guess: no backlight is as uneven.
 const LIT_SHARE: f64 = 0.3;
-/// Allowed level of white, as a share of the camera's range.
+/// Allowed range of the level of white, as a share of the camera's range.
 const WHITE: (f64, f64) = (0.5, 0.95);
 /// Level of white that a proposed exposure aims for.
 const WHITE_PROPOSED: f64 = 0.8;
-/// Largest share of saturated sites.
+/// Largest allowed share of saturated sites.
 const CLIPPED_MAX: f64 = 0.001;
 /// Largest change of light between exposures of whole refreshes. Guess: three times that of a good
 /// backlight.
 const FLICKER_MAX: f64 = 0.01;
 /// Most sensor pixels per panel pixel: the panel must resolve all that the sensor resolves.
 const MAGNIFICATION_MAX: f64 = 1.0;
-/// Size of a well-placed panel in the picture over the sensor's.
+/// Size of a well-placed panel in the picture, relative to the sensor.
 const REACH: f64 = 1.03;
-/// Largest rotation, degrees; calibration corrects it. Guess.
+/// Largest allowed rotation, degrees, which calibration corrects. Guess.
 const ROTATION_MAX_DEG: f64 = 3.0;
-/// Largest offset of the panel's middle, as a share of the sensor's width. Guess.
+/// Largest allowed offset of the panel's middle, as a share of the sensor's width. Guess.
 const OFFSET_MAX: f64 = 0.05;
 /// Largest difference in distance between opposite sides of the panel, as a share of the distance.
-/// Guess: with 25 mm at f/4 on 6 µm it costs a fifth of a pixel of blur at the rims.
+/// Guess: with a 25 mm lens at f/4 and 6 µm pixels it costs a fifth of a pixel of blur at the rims.
 const KEYSTONE_MAX: f64 = 0.01;
 
 /// What to do about the focus ring.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum FocusTurn {
-    /// The picture gets sharper.
+    /// Keep turning: the picture gets sharper.
     Continue,
-    /// The best focus was passed.
+    /// Turn back: the best focus was passed.
     Reverse,
-    /// The best focus is known only after passing it on both sides.
+    /// Turn past the best focus on both sides, since it is known only then.
     PassBest,
-    /// The focus is at its best.
+    /// Leave the ring: the focus is at its best.
     Stay,
 }
 
-/// The action that a piece of advice asks for. Directions are those of the picture.
+/// Action recommended by a piece of advice. Directions are those of the picture.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Action {
-    /// Bring the panel before unlit places.
+    /// Move the panel so that it is seen at the unlit places, too.
     Cover,
     /// Set the exposure time, ms.
     Expose(f64),
-    /// Multiply the light.
+    /// Multiply the panel's light by this factor.
     Dim(f64),
-    /// Multiply the panel's distance.
+    /// Multiply the panel's distance by this factor.
     Distance(f64),
     /// Use a panel with more pixels.
     ReplacePanel,
@@ -77,7 +77,7 @@ pub enum Action {
     Nearer([f64; 2]),
     /// Turn the focus ring.
     Focus(FocusTurn),
-    /// As the sentence says.
+    /// Another action, which the sentence describes.
     Other,
 }
 
@@ -96,7 +96,7 @@ impl fmt::Display for Advice {
 }
 
 impl Advice {
-    /// One row: advice if `condition` holds.
+    /// Advice if `condition` holds.
     fn when(condition: bool, action: Action, sentence: impl Into<String>) -> Option<Advice> {
         condition.then(|| Advice { action, sentence: sentence.into() })
     }
@@ -207,11 +207,11 @@ impl Aim {
             ),
         ];
         let sides = [panel.width, panel.height].map(|pixels| pixels as f64);
-        // Factors by which the panel must and may grow in the picture.
+        // Factors by which the panel has to grow in the picture, and by which it may at most.
         let needed = (0..2).map(|k| self.span_px[k] * REACH / sides[k]).fold(0.0, f64::max);
         let most = MAGNIFICATION_MAX / self.magnification;
         rows.extend(self.distance_advice(needed, most));
-        // The same reserve on opposite sides.
+        // Centring the panel equalises the reserves on opposite sides.
         let [left, right, top, bottom] = self.reserve_px;
         let [x, y] = [left - right, top - bottom].map(|more| 0.5 * more * self.magnification);
         let across = if x < 0.0 { "left" } else { "right" };

@@ -7,22 +7,22 @@ use super::pose::SeenDot;
 use super::sites::GreenSites;
 use crate::frame::{Codes, Frame, Plane, Size};
 
-/// Dots to each side of the middle one, across and down.
+/// Number of dots on each side of the middle one, across and down.
 const AROUND: [i32; 2] = [3, 2];
 /// The missing dot, below the middle one.
 const MISSING_DOT: [i32; 2] = [0, 1];
 /// Code between the dots; keeps the panel's border visible.
 const GREY: u8 = 64;
-/// Threshold of a dot between the median and the brightest light. Guess: the rim of a dot has half
-/// its light, and corners are half as bright.
+/// Threshold of a dot, as a share of the way from the median to the brightest light. Guess: the rim
+/// of a dot has half its light, and the sensor's corners are half as bright.
 const DOT_SHARE: f32 = 0.25;
 /// Least contrast of the dots, as a share of the camera's range.
 const CONTRAST_MIN: f32 = 0.02;
 /// Largest distance of a dot from its grid position, in grid steps.
 const NEAR: f64 = 0.3;
-/// Fewest dots; fewer may be chance.
+/// Least number of dots found; fewer may be chance.
 const DOTS_MIN: usize = 6;
-/// Fewest sites of a dot; fewer may be hot sites.
+/// Least number of sites of a dot; fewer may be hot sites.
 const AREA_MIN: usize = 5;
 
 /// Panel position of the dot at a column and row relative to the middle one.
@@ -70,14 +70,14 @@ pub(super) fn picture(panel: Size) -> Codes {
 
 /// The dots found in a capture.
 pub(super) struct FoundDots {
-    /// Panel and sensor positions.
+    /// Positions of the dots on panel and sensor.
     pub(super) pairs: Vec<SeenDot>,
     /// Whether left and right are swapped.
     pub(super) mirrored: bool,
 }
 
 /// Finds the dots of a `panel` in `light`, the green `sites` of a camera with `range` counts above
-/// black; `None` if the middle ones are not in view.
+/// black; `None` if the middle dots are not in view.
 pub(super) fn find(light: &Plane, sites: GreenSites, range: f64, panel: Size) -> Option<FoundDots> {
     let mut blobs = blobs(light, threshold(light, range)?);
     blobs.sort_by(|a, b| b.flux.total_cmp(&a.flux));
@@ -109,7 +109,7 @@ pub(super) fn find(light: &Plane, sites: GreenSites, range: f64, panel: Size) ->
     (pairs.len() >= DOTS_MIN).then_some(FoundDots { pairs, mirrored })
 }
 
-/// The least light of a dot; `None` without contrast.
+/// Least light of a dot; `None` if the picture has no contrast.
 fn threshold(light: &Plane, range: f64) -> Option<f32> {
     let mut sorted = light.data().to_vec();
     let last = sorted.len().checked_sub(1)?;
@@ -117,7 +117,7 @@ fn threshold(light: &Plane, range: f64) -> Option<f32> {
         let n = (share * last as f64) as usize;
         *sorted.select_nth_unstable_by(n, f32::total_cmp).1
     };
-    // Hot sites are fewer than those of the dots.
+    // The rank of the peak excludes hot sites, which are fewer than the sites of the dots.
     let (median, peak) = (rank(0.5), rank(0.998));
     let has_contrast = peak - median >= CONTRAST_MIN * range as f32;
     has_contrast.then_some(median + DOT_SHARE * (peak - median))
@@ -129,7 +129,7 @@ struct Blob {
     flux: f64,
 }
 
-/// All blobs of `light` above `threshold` that do not touch the border, where they may be cut.
+/// Finds all blobs of `light` above `threshold` except those at the border, which may be cut off.
 fn blobs(light: &Plane, threshold: f32) -> Vec<Blob> {
     let Size { width, height } = light.size();
     let mut seen = Plane::filled(light.size(), false);

@@ -1,5 +1,5 @@
-//! `relens align`, for assembling a rig: sharpness at nine places, position of the panel on the
-//! sensor, brightness, and advice.
+//! Measurements for assembling a rig (`relens align`): sharpness at nine places, position of the
+//! panel on the sensor, brightness, and advice.
 
 mod advice;
 mod dots;
@@ -38,9 +38,9 @@ pub struct Brightness {
     pub clipped_share: f64,
     /// White at the brightest place, as a share of the camera's range over black.
     pub white: f64,
-    /// Light of each place over that of the brightest.
+    /// Light of each place relative to the brightest place.
     pub places: [f64; PLACES],
-    /// Exposure time.
+    /// Exposure time, ms.
     pub exposed_ms: f64,
 }
 
@@ -79,8 +79,8 @@ impl<'a> RigView<'a> {
         Ok(view)
     }
 
-    /// Exposes the focus pattern once more; twice, after settling, if the panel showed another
-    /// picture.
+    /// Exposes the focus pattern once more; if the panel showed another picture, shows the pattern,
+    /// waits until it has settled, and exposes it twice.
     pub fn measure_focus(&mut self) -> Result<FocusReading, RigError> {
         let first = match self.last.take() {
             Some(counts) => counts,
@@ -93,7 +93,7 @@ impl<'a> RigView<'a> {
         Ok(FocusReading { sharpness, light })
     }
 
-    /// Captures white.
+    /// Captures white and measures its brightness.
     pub fn measure_brightness(&mut self) -> Result<Brightness, RigError> {
         let white = Codes::filled(self.devices.panel.size(), 255);
         let counts = self.capture(&white)?;
@@ -110,7 +110,7 @@ impl<'a> RigView<'a> {
         })
     }
 
-    /// Captures the dots: the position of the panel; `None` if its middle is not in view.
+    /// Captures the dots and measures the panel's position; `None` if its middle is not in view.
     pub fn measure_aim(&mut self) -> Result<Option<Aim>, RigError> {
         let panel = self.devices.panel.size();
         self.last = None;

@@ -11,12 +11,12 @@ pub(super) struct SeenDot {
     pub(super) sensor: Place,
 }
 
-/// Fewest dots to fit the lens's distortion with; fewer do not separate it from keystone.
+/// Least number of dots to fit the lens's distortion; fewer do not separate it from keystone.
 const FOR_DISTORTION: usize = 12;
-/// Largest distortion searched for and its step, as shares of the place in the sensor's corners.
+/// Largest distortion searched for and precision of the search, as shares at the sensor's corners.
 const DISTORTION_MAX: f64 = 0.3;
 const DISTORTION_STEP: f64 = 1e-5;
-/// Largest misfit of a dot, sensor pixels.
+/// Largest accepted misfit of a dot, sensor pixels.
 const OFF_MAX_PX: f64 = 5.0;
 
 /// Position of the panel on the sensor.
@@ -35,7 +35,7 @@ pub struct Aim {
     pub keystone: [f64; 2],
     /// Panel pixels that the sensor spans, across and down.
     pub span_px: [f64; 2],
-    /// Panel pixels beyond the sensor's view at the panel's left, right, top and bottom; negative
+    /// Panel pixels beyond the sensor's view, at the panel's left, right, top and bottom; negative
     /// where the sensor sees past the panel.
     pub reserve_px: [f64; 4],
 }
@@ -46,13 +46,13 @@ impl Aim {
         self.reserve_px.iter().all(|&reserve| reserve >= 0.0)
     }
 
-    /// Fits the position of a `panel` on a `sensor` to `pairs`; `None` if none fits.
+    /// Fits the position of a `panel` on a `sensor` to `pairs`; `None` if the fit fails.
     pub(super) fn of(pairs: &[SeenDot], mirrored: bool, panel: Size, sensor: Size) -> Option<Aim> {
         let map = Perspective::fit(pairs, sensor)?;
         let middle = middle(panel);
         let flip = if mirrored { -1.0 } else { 1.0 };
         let [[a, c], [b, d]] = map.steps(middle);
-        // A perspective map's areas go by the cube of its scale.
+        // Areas under a perspective map are proportional to the cube of its scale.
         let areas = |at: Place| {
             let [[a, c], [b, d]] = map.steps(at);
             a * d - b * c
@@ -85,7 +85,7 @@ fn middle(size: Size) -> Place {
     [size.width, size.height].map(|pixels| 0.5 * (pixels as f64 - 1.0))
 }
 
-/// Map from the panel to places on the sensor, from its middle and freed of the lens's distortion.
+/// Perspective map from the panel to undistorted places on the sensor, relative to its middle.
 struct Perspective {
     geometry: CoarseGeometry,
     /// Distortion by the division model (Fitzgibbon 2001), per squared sensor pixel.
@@ -95,7 +95,7 @@ struct Perspective {
 }
 
 impl Perspective {
-    /// Least squares; the distortion by ternary search.
+    /// Fits the map by least squares, and the distortion by ternary search.
     fn fit(pairs: &[SeenDot], sensor: Size) -> Option<Perspective> {
         let middle = middle(sensor);
         let radius_px = middle[0].hypot(middle[1]);
@@ -126,12 +126,12 @@ impl Perspective {
         with(0.5 * (low + high)).filter(|map| map.off.iter().all(|&off| off < OFF_MAX_PX))
     }
 
-    /// Panel place seen at `place`, from the sensor's middle.
+    /// Panel place seen at sensor `place`, which is relative to the sensor's middle.
     fn panel_at(&self, place: Place) -> Place {
         self.geometry.panel_at(straight(place, self.distortion))
     }
 
-    /// Steps on the sensor for one panel pixel to the right and one down at panel place `at`.
+    /// Steps on the sensor for one panel pixel right and one down, at panel place (`x`, `y`).
     fn steps(&self, [x, y]: Place) -> [Place; 2] {
         let apart = |from: Place, to: Place| {
             let (from, to) = (self.geometry.sensor_at(from), self.geometry.sensor_at(to));
@@ -141,7 +141,7 @@ impl Perspective {
     }
 }
 
-/// Frees a place on the sensor, from its middle, of `distortion`.
+/// Removes `distortion` from a place on the sensor, given relative to the sensor's middle.
 fn straight([x, y]: Place, distortion: f64) -> Place {
     let by = 1.0 / (1.0 + distortion * (x * x + y * y));
     [by * x, by * y]

@@ -6,9 +6,9 @@ use super::{
 use crate::config::RigFile;
 use crate::frame::Size;
 
-/// Readings that flicker is computed from.
+/// Number of readings from which flicker is computed.
 const KEPT: usize = 200;
-/// Change of the panel's size in the picture that makes focus figures incomparable.
+/// Relative change of the panel's size in the picture that makes focus figures incomparable.
 const MOVED_SHARE: f64 = 0.02;
 
 /// The latest readings of a rig.
@@ -25,7 +25,7 @@ pub struct AlignmentReport {
     /// Light of the last [`KEPT`] readings.
     light: Vec<f64>,
     brightness: Option<Brightness>,
-    /// Position of the panel, if looked for and in view.
+    /// Position of the panel: `None` if not measured, `Some(None)` if the panel was not in view.
     aim: Option<Option<Aim>>,
 }
 
@@ -102,8 +102,8 @@ impl AlignmentReport {
         all
     }
 
-    /// Standard deviation of the light between readings, as a share, from the median change:
-    /// a hand in the picture is no flicker.
+    /// Standard deviation of the light between readings, as a share. It is computed from the median
+    /// change, so that a hand in the picture does not count as flicker.
     fn flicker(&self) -> f64 {
         let change = |pair: &[f64]| (pair[1] / pair[0] - 1.0).abs();
         let mut changes: Vec<f64> = self.light.windows(2).map(change).collect();
@@ -112,13 +112,13 @@ impl AlignmentReport {
         changes.get(changes.len() / 2).map_or(0.0, |median| median / 0.6745 / 2f64.sqrt())
     }
 
-    /// Contrast of place `n`, per cent, and the same relative to its best, per cent.
+    /// Contrast at place `n`, and its ratio to the best contrast there, both in per cent.
     fn cell(&self, n: usize) -> (f64, f64) {
         let (now, best) = (self.sharpness.0[n], self.best.0[n].max(f64::MIN_POSITIVE));
         (100.0 * now, 100.0 * now / best)
     }
 
-    /// The line on light, if measured.
+    /// The line about light, if it was measured.
     fn light_line(&self) -> Option<String> {
         let light = self.brightness.as_ref()?;
         Some(format!(
@@ -132,7 +132,7 @@ impl AlignmentReport {
         ))
     }
 
-    /// The lines on the panel's position, if measured.
+    /// The lines about the panel's position, if it was measured.
     fn aim_lines(&self) -> Vec<String> {
         let Some(Some(aim)) = &self.aim else { return Vec::new() };
         // Avoids −0.

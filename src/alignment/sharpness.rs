@@ -9,11 +9,11 @@ use crate::patterns;
 /// sharp out of focus.
 const SQUARE_PX: usize = 2;
 const PATTERN_SEED: u64 = 29;
-/// Least share of the best figure that counts as the best, given noise.
+/// Share of the best figure above which a figure counts as the best, given noise.
 const BEST_SHARE: f64 = 0.985;
-/// Change from the last extreme that counts as a reversal: more than noise.
+/// Relative change from the last extreme that counts as a reversal: more than noise.
 const REVERSED_SHARE: f64 = 0.0075;
-/// Share of the best figure reached on both sides before the best counts as found.
+/// The best counts as found once figures on both sides were below this share of it.
 const PASSED_SHARE: f64 = 0.95;
 
 /// Contrast of a fine pattern at nine places, row by row from the upper left: RMS difference of
@@ -23,13 +23,13 @@ const PASSED_SHARE: f64 = 0.95;
 pub struct Sharpness(pub [f64; PLACES]);
 
 impl Sharpness {
-    /// The mean over the places.
+    /// Mean over the places.
     pub fn mean(&self) -> f64 {
         self.0.iter().sum::<f64>() / PLACES as f64
     }
 
-    /// The sharpness of two exposures of one pattern, and the mean counts of the second over
-    /// `black`.
+    /// Computes the sharpness from two exposures of one pattern, and the mean counts of the second
+    /// over `black`.
     pub fn of(first: &Counts, second: &Counts, sites: GreenSites, black: f64) -> (Sharpness, f64) {
         let (first, second) = (first.plane(Channel::Green), second.plane(Channel::Green));
         let size = first.size();
@@ -52,7 +52,7 @@ impl Sharpness {
     }
 }
 
-/// Sums over pairs of sites, as integers: exact, and fast on a small board.
+/// Sums over pairs of neighbouring sites, in integers: exact, and fast on a small board.
 #[derive(Clone, Copy, Default)]
 struct PairSums {
     count: i64,
@@ -88,7 +88,7 @@ pub(super) fn pattern(size: Size) -> Codes {
     Frame::from_fn(|_| plane.clone())
 }
 
-/// The focus figures so far, as far as the search for the best needs them.
+/// Summary of the focus figures so far, as needed to find the best focus.
 #[derive(Debug, Clone, Default)]
 pub struct FocusHistory {
     best: f64,
@@ -99,12 +99,12 @@ pub struct FocusHistory {
     extreme: f64,
     /// The best figure when it last rose by more than noise.
     risen: f64,
-    /// Whether the figure was clearly worse before and after that.
+    /// Whether clearly worse figures came before and after `risen`.
     worse: [bool; 2],
 }
 
 impl FocusHistory {
-    /// Adds a figure; returns what to do with the ring.
+    /// Adds a figure and returns what to do with the focus ring.
     pub fn add(&mut self, figure: f64) -> FocusTurn {
         if self.best == 0.0 {
             *self = FocusHistory { best: figure, least: figure, rises: true, ..Self::default() };

@@ -2,12 +2,12 @@
 
 use crate::frame::{Channel, Counts, Mosaic, Plane, Size};
 
-/// Places along a side of the sensor.
+/// Number of places along a side of the sensor.
 const SIDE: usize = 3;
 /// Number of places.
 pub const PLACES: usize = SIDE * SIDE;
 
-/// The place that contains column `x` and row `y`.
+/// Index of the place that contains column `x` and row `y`.
 pub(super) fn place_of(x: usize, y: usize, size: Size) -> usize {
     (y * SIDE / size.height.max(1)) * SIDE + (x * SIDE / size.width.max(1)).min(SIDE - 1)
 }
@@ -25,7 +25,7 @@ pub(super) fn means(light: &Plane) -> [f64; PLACES] {
     std::array::from_fn(|n| sums[n] / count[n].max(1.0))
 }
 
-/// All sites of a sensor without filters; one of green's two phases behind filters.
+/// Green sites: all sites of a sensor without filters, or one of green's two phases behind filters.
 #[derive(Debug, Clone, Copy)]
 pub struct GreenSites {
     mosaic: Option<Mosaic>,
@@ -46,12 +46,12 @@ impl GreenSites {
         1 + usize::from(self.are_filtered())
     }
 
-    /// Rows with green sites.
+    /// Rows that contain green sites.
     pub(super) fn rows(self, size: Size) -> impl Iterator<Item = usize> {
         (0..size.height).step_by(self.step())
     }
 
-    /// The first column with green sites.
+    /// First column that contains green sites.
     pub(super) fn first_column(self) -> usize {
         usize::from(self.mosaic.is_some_and(|m| m.colour_at(0, 0) != Channel::Green))
     }
@@ -65,12 +65,12 @@ impl GreenSites {
     ) -> std::iter::StepBy<std::ops::Range<usize>> {
         debug_assert!(y.is_multiple_of(self.step()));
         let end = |part: usize| part * size.width / SIDE;
-        // The first such column at or after `x`.
+        // The first column of green sites at or after `x`.
         let from = |x: usize| x + (x + self.first_column()) % self.step();
         (from(end(part))..end(part + 1)).step_by(self.step())
     }
 
-    /// Their counts over `black`, as a plane of green sites alone.
+    /// Counts of the green sites over `black`, as a plane of these sites alone.
     pub(super) fn light(self, counts: &Counts, black: f64) -> Plane {
         let (plane, step) = (counts.plane(Channel::Green), self.step());
         let size = Size::new(plane.width() / step, plane.height() / step);
@@ -80,7 +80,7 @@ impl GreenSites {
         })
     }
 
-    /// The sensor pixel of pixel (x, y) of that plane.
+    /// Sensor position of pixel (x, y) of the plane that [`GreenSites::light`] returns.
     pub(super) fn on_sensor(self, [x, y]: [f64; 2]) -> [f64; 2] {
         let step = self.step() as f64;
         [self.first_column() as f64 + x * step, y * step]

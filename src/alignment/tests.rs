@@ -134,7 +134,7 @@ fn advice_covers_rotation_tilt_and_darkness() {
     println!("{lines}");
     assert!(lines.contains("px left") && lines.contains("anticlockwise"), "{lines}");
     assert!(lines.contains("left side of the panel") && lines.contains("the sensor sees past it"));
-    // White of 0.2 times 1.15 at 50 ms is 0.8 at 174; refreshes take 16.7 ms.
+    // White of 0.2 × 1.15 at 50 ms becomes 0.8 at 174 ms; a refresh takes 16.7 ms.
     assert!(lines.contains("white is too dark") && lines.contains("exposure-ms = 1"), "{lines}");
     assert_eq!(aim_of(&rig(|simulation| simulation.pose.shift_x_px = 1000.0)), None);
 }

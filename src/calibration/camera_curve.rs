@@ -16,7 +16,8 @@ use crate::frame::at_step;
 /// scale.
 const STEPS: usize = 32;
 /// Penalty on a change of slope by 1, relative to squared relative misfits. Measured on synthetic
-/// cameras with 0.2 % of flicker: less follows the flicker, more rounds off a knee.
+/// cameras with 0.2 % of flicker: a smaller one follows the flicker, a larger one rounds off a
+/// knee.
 const PENALTY: f64 = 1e-4;
 /// Changes of slope below this have a quadratic penalty.
 const SLOPE_LEAST: f64 = 3e-3;
@@ -65,7 +66,7 @@ impl CameraCurve {
         curve.check().is_ok().then_some(curve)
     }
 
-    /// Checks that the curve is finite and increasing; else describes it.
+    /// Checks that the curve is finite and increasing; the error shows the curve.
     pub fn check(&self) -> Result<(), String> {
         let rises = |pair: &[f32]| pair[1] > pair[0] && pair[1].is_finite();
         let sound = self.black.is_finite() && self.full.is_finite() && self.full > 0.0;
@@ -81,8 +82,8 @@ impl CameraCurve {
         self.straight.is_empty()
     }
 
-    /// Linear counts of `over` counts over black. The first and the last segment extend beyond the
-    /// ends.
+    /// Linear counts over black for `over` counts over black. The first and the last segment extend
+    /// beyond the ends.
     pub fn over_black(&self, over: f32) -> f32 {
         if self.straight.is_empty() {
             return over;
@@ -100,7 +101,7 @@ impl CameraCurve {
         ((above - 1) as f32 + (straight - low) / (high - low)) * self.full / STEPS as f32
     }
 
-    /// Linear count, black included, of `count`.
+    /// Linear count for `count`; both include black.
     pub fn count(&self, count: f32) -> f32 {
         self.black + self.over_black(count - self.black)
     }
@@ -118,7 +119,7 @@ fn broken_line(lights: &[Exposures], full: f64, penalties: &[f64]) -> Option<Vec
     let unknowns = STEPS - 1 + lights.len();
     let (mut normal, mut side) =
         (DMatrix::<f64>::zeros(unknowns, unknowns), DVector::<f64>::zeros(unknowns));
-    // Step 0 is 0 and the last is 1, whose terms go to the right-hand side.
+    // Steps 0 and `STEPS` are fixed at 0 and 1; their terms go to the right-hand side.
     let unknown = |n: usize| match n {
         1..STEPS => Some(n - 1),
         0 | STEPS => None,

@@ -49,7 +49,7 @@ impl Affine {
 /// Centroid of the spot in `plane` (counts over black), above half its peak.
 ///
 /// # Errors
-/// The finding when the peak is below `allowed` counts.
+/// A sentence about the finding when the peak is below `allowed` counts.
 pub fn spot(plane: &Plane, channel: &str, allowed: f64) -> Result<(f64, f64), String> {
     // The peak of 3×3 means, against hot pixels.
     let mut peak = (0.0f32, 0, 0);
@@ -99,7 +99,7 @@ struct Saddle {
 /// panel). `near` is a first guess of panel → sensor.
 ///
 /// # Errors
-/// The finding when there is no corner near the middle.
+/// A sentence about the finding when there is no corner near the middle.
 pub fn corners(
     plane: &Plane,
     panel: Size,
@@ -139,7 +139,7 @@ pub fn corners(
         .collect())
 }
 
-/// A checkerboard; corner (a, b) is that of a × b squares from the panel's origin.
+/// A checkerboard, whose corner (a, b) is a squares right of the panel's origin and b below it.
 struct CornerGrid {
     /// Side of a square, panel pixels.
     square: f64,
@@ -224,8 +224,8 @@ impl CornerGrid {
     }
 }
 
-/// Number of the board's corners in the sensor's view, at least a square from its border, by the
-/// first guess `near`.
+/// Number of the board's corners in the sensor's view and at least a square from its border, by the
+/// first guess `near` of the map.
 pub fn in_view(sensor: Size, panel: Size, square_px: usize, near: &Affine) -> usize {
     let board = CornerGrid::new(panel, square_px.max(1));
     let rim = board.square * near.magnification();

@@ -1,9 +1,9 @@
 //! Application of a calibration: a Work picture to panel codes, and sensor counts to Work light.
 //!
 //! Shown pictures are warped to the panel per channel, mapped through the inverse response curve
-//! and diffused to 8 bits. Captured counts lose black level, site differences, mixing and dark
-//! corner. Captures are cropped and never resampled, as Work is the camera's own pixel grid. Beyond
-//! the canvas the panel repeats its border pixels.
+//! and diffused to 8 bits. From captured counts black level, site differences, mixing and dark
+//! corner are removed. Captures are cropped and never resampled, as Work is the camera's own pixel
+//! grid. Beyond the canvas the panel repeats its border pixels.
 
 mod perfect_lens;
 
@@ -23,19 +23,19 @@ use crate::remedy::{Remediable, Remedy};
 /// Sizes of the devices and position of the photo on the sensor, from the rig file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Layout {
-    /// Panel pixels.
+    /// Size of the panel.
     pub panel: Size,
-    /// Places of the colours within a panel pixel.
+    /// Positions of the colours within a panel pixel.
     pub subpixels: Subpixels,
-    /// Camera pixels.
+    /// Size of the sensor.
     pub sensor: Size,
-    /// The photo's grid.
+    /// Size of the photo.
     pub photo: Size,
     /// Sensor column of the photo's first column.
     pub photo_x_px: usize,
     /// Sensor row of the photo's first row.
     pub photo_y_px: usize,
-    /// Canvas around the photo on every side.
+    /// Width of the canvas's margin around the photo, on every side.
     pub margin_px: usize,
     /// Counts at and above which a pixel is saturated.
     pub saturated: u16,
@@ -70,13 +70,13 @@ impl Layout {
         Size::new(self.photo.width + 2 * self.margin_px, self.photo.height + 2 * self.margin_px)
     }
 
-    /// The canvas's place on the sensor, inside it by the rules of the rig file.
+    /// Rectangle of the canvas on the sensor, inside which the rules of the rig file keep it.
     pub fn canvas_on_sensor(&self) -> Rect {
         let (x, y) = (self.photo_x_px - self.margin_px, self.photo_y_px - self.margin_px);
         Rect { x, y, size: self.canvas() }
     }
 
-    /// The wave of the panel's columns as the canvas sees them by `geometry`.
+    /// The wave of the panel's columns on the canvas, mapped by `geometry`.
     pub fn column_wave(&self, geometry: &Geometry) -> ColumnWave {
         ColumnWave::of(&self.on_canvas(&geometry.work_to_panel.x))
     }
@@ -139,14 +139,14 @@ pub struct Correction {
 /// Light of the panel pixels that show a picture.
 #[derive(Debug, Clone)]
 pub struct ShownLight {
-    /// Those pixels.
+    /// Rectangle of these pixels on the panel.
     part: Rect,
     light: [Plane; 3],
 }
 
-/// Panel rows per task; errors are diffused within it.
+/// Panel rows per task; error diffusion starts afresh in each.
 const BAND_ROWS: usize = 40;
-/// Panel pixels beyond the canvas that are still warped; farther out the last code repeats. Wider
+/// Panel pixels around the canvas that are still warped; farther out the last code repeats. Wider
 /// than any workable blur.
 const FRINGE_PX: f64 = 64.0;
 /// Border pixels added to a canvas before warping, so that the sixteen taps stay inside.
@@ -202,7 +202,7 @@ impl Correction {
         Correction { layout: Layout { mosaic: None, ..self.layout }, ..self.clone() }
     }
 
-    /// The layout it was prepared for.
+    /// The layout for which the correction was prepared.
     pub fn layout(&self) -> &Layout {
         &self.layout
     }
@@ -297,7 +297,8 @@ impl Correction {
     }
 
     /// Converts `counts` (sensor-sized) to light on the canvas, 0..255. Pixels are trusted where
-    /// all three channels are below saturation; behind colour filters a channel's own sites alone.
+    /// all three channels are below saturation; behind colour filters, only at a channel's own
+    /// sites.
     ///
     /// # Panics
     /// When the counts' size is not the sensor's.
@@ -322,7 +323,7 @@ impl Correction {
         };
         let good = Plane::from_fn(canvas, is_good);
         let mosaic = self.layout.canvas_mosaic();
-        // For means over several pixels, patched bad sites count as good.
+        // After `between_sites`, for means over several pixels, patched bad sites are trusted.
         let sites = self.sites.as_ref().filter(|sites| sites.mosaic() == mosaic);
         let trusted = |c: Channel| match (mosaic, sites) {
             (None, None) => good.clone(),
@@ -343,7 +344,7 @@ impl Correction {
         }
     }
 
-    /// The light of counts `over` black.
+    /// Converts counts `over` black to light: unmixes the channels and undoes the dark corner.
     fn unmixed(&self, mut over: Frame<Work>) -> Frame<Work> {
         let width = over.size().width;
         let [red, green, blue] = over.planes_mut().each_mut().map(|c| c.data_mut());
@@ -375,7 +376,7 @@ impl Correction {
     }
 }
 
-/// Least dark-corner share divided by; below it there is no usable picture.
+/// Smallest dark-corner share used as a divisor; below it there is no usable picture.
 const LEAST_LIGHT: f32 = 0.02;
 
 /// `picture` with [`PAD_PX`] more pixels on every side, repeating its border.

@@ -39,7 +39,7 @@ pub struct BlockReading {
     pub counts: [f64; 3],
 }
 
-/// Row `from` of C: slopes of the camera channels' readings against that of the channel shown.
+/// Row `from` of C: slopes of the camera channels' readings against those of the channel shown.
 /// Slopes are insensitive to glare, which lifts all blocks alike. `None` without contrast.
 pub fn row(from: usize, readings: &[BlockReading]) -> Option<[f32; 3]> {
     let count = readings.len() as f64;

@@ -10,7 +10,7 @@ use crate::frame::{at_step, step_of};
 pub struct CurveError(String);
 
 impl CurveError {
-    /// Light that does not increase from `code` to the next, `from` to `to`.
+    /// The error for light that does not increase from `code` (light `from`) to the next (`to`).
     pub(super) fn not_rising(code: usize, from: f32, to: f32) -> CurveError {
         CurveError(format!(
             "light does not increase from code {code} to the next ({from} to {to}); a panel's \

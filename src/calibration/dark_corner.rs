@@ -1,5 +1,5 @@
-//! Dark corner and black level: smooth surfaces through flat captures, whose division and
-//! subtraction add no noise.
+//! Dark corner and black level: smooth surfaces fitted to flat captures; dividing by a smooth
+//! surface or subtracting it adds no noise.
 
 use super::surface::{Domain, Sample, Surface, SurfaceError};
 use crate::frame::{Plane, Rect};

@@ -64,11 +64,11 @@ pub struct Geometry {
     pub panel_to_work: Map,
 }
 
-/// Largest misfit of a pair of corners, in median misfits. A corner in a reflection is off by much
-/// more, a good one never (guess).
+/// Largest misfit of a pair of corners, relative to the median misfit. A corner in a reflection is
+/// off by much more, a good one never (guess).
 const OUTLIER: f64 = 5.0;
 /// Knot intervals of the maps. A cheap lens's distortion is cubic over the field, which eight by
-/// six intervals follow (0.05 to 0.12 px RMS on `ideal.toml`, November 2026).
+/// six intervals follow (0.05 to 0.12 px RMS on `ideal.toml`).
 const INTERVALS: (usize, usize) = (8, 6);
 /// Penalty on bending of the maps; small, as corners are accurate to a few hundredths of a pixel
 /// (guess).
@@ -112,7 +112,7 @@ impl Geometry {
         Ok((Geometry::from_map(canvas, |x, y| work_to_panel.at(x, y))?, rms))
     }
 
-    /// Corrects the geometry for lens functions by which Work position q is seen centred at q +
+    /// Corrects the geometry for lens functions that centre the light of Work position q at q +
     /// `displacement`(q): afterwards it is centred at q.
     ///
     /// # Errors
@@ -130,7 +130,7 @@ impl Geometry {
         })
     }
 
-    /// Fits both maps to Work → panel given by `to_panel`.
+    /// Fits both maps to the function `to_panel`, which maps Work to the panel.
     fn from_map(
         canvas: Domain,
         to_panel: impl Fn(f64, f64) -> (f64, f64),
@@ -152,7 +152,7 @@ impl Geometry {
         }
         let on_panel = Domain { left, top, right, bottom };
         let back: Vec<Pair> = pairs.iter().map(|p| Pair { from: p.to, to: p.from }).collect();
-        // Only against rounding: the samples have no noise.
+        // The samples have no noise; the penalty only guards against rounding.
         let bending = 1e-9;
         Ok(Geometry {
             work_to_panel: Map::fit(canvas, INTERVALS, &pairs, bending)?,

@@ -59,7 +59,7 @@ pub struct Calibration {
     pub generation: u32,
     /// The photo's grid.
     pub photo: Size,
-    /// Canvas around the photo, on every side.
+    /// Width of the canvas's margin around the photo, on every side.
     pub margin_px: usize,
     /// Work ↔ panel for green. Red's and blue's displacements are part of their functions.
     pub geometry: Geometry,
@@ -78,23 +78,23 @@ pub struct Calibration {
     pub counts_per_level: [f32; 3],
     /// Response of the sensor's sites, on the canvas.
     pub pattern: ResponsePattern,
-    /// Noise of one unmixed capture in units of light, per channel.
+    /// Noise of one capture with its channels unmixed, in units of light, per channel.
     pub noise: [Noise; 3],
     /// Lens functions, each of sum about 1, without the dark corner.
     pub functions: LensFunctions,
     /// Light scattered beyond the functions' support, per channel; empty if none was found or
     /// measured.
     pub broad: [Vec<Halo>; 3],
-    /// Norms of the lens model.
+    /// Norms of the lens model at all pixels.
     pub norms: OperatorNorms,
     /// The same norms at the sites of the camera's colour filters, if any.
     pub at_sites: Option<OperatorNorms>,
     /// The lens at other focus offsets, in increasing order.
     pub focuses: Vec<OtherFocus>,
-    /// ‖K‖² of green measured by the rig's capture of the model's dominant picture.
+    /// ‖K‖² of green, measured on the rig by capturing the model's dominant picture.
     pub norm_squared_seen: f32,
-    /// RMS of (held-out capture of a chart − prediction), grey levels, per channel; the capture is
-    /// registered and its beat removed, its noise included.
+    /// RMS of (held-out capture of a chart − prediction), grey levels, per channel. The capture is
+    /// registered and its beat removed; its noise is included.
     pub operator_error: [f32; 3],
     /// Number of captures.
     pub captures: u32,
@@ -105,7 +105,7 @@ pub struct Calibration {
 const OPERATOR_ERROR_MOST: f32 = 7.0;
 
 impl Calibration {
-    /// Light beyond the canvas: none without a margin, else that of the border.
+    /// Light beyond the canvas: none without a margin, else the border's light continues.
     pub fn beyond(&self) -> Beyond {
         if self.margin_px == 0 { Beyond::Dark } else { Beyond::LikeTheBorder }
     }
@@ -155,7 +155,7 @@ impl Calibration {
         })
     }
 
-    /// Checks that all parts are valid and consistent; else describes the fault.
+    /// Checks that all parts are valid and consistent; the error describes the fault.
     fn check(&self) -> Result<(), String> {
         let Geometry { work_to_panel: there, panel_to_work: back } = &self.geometry;
         let maps = [&there.x, &there.y, &back.x, &back.y];

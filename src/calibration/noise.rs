@@ -20,7 +20,7 @@ impl Noise {
         (self.at_black + self.per_level * light).max(0.0).sqrt()
     }
 
-    /// So many times the power: of that without light, and of what light adds.
+    /// The noise with `black` times the variance without light, `light` times that per grey level.
     pub fn times(&self, [black, light]: [f32; 2]) -> Noise {
         Noise { at_black: black * self.at_black, per_level: light * self.per_level }
     }
@@ -66,7 +66,7 @@ pub fn fit(first: &Plane, second: &Plane, trusted: &Plane<u8>, flat: &[Rect]) ->
     // Weighted line: the variance of a variance from n pixels is 2·variance²/n.
     let (mut n, mut sx, mut sy, mut sxx, mut sxy) = (0.0, 0.0, 0.0, 0.0, 0.0);
     for (count, light, squared) in bins {
-        // Thirty pixels give a variance to a quarter.
+        // Thirty pixels determine a variance to a quarter.
         if count < 30.0 || squared <= 0.0 {
             continue;
         }

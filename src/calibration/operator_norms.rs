@@ -58,7 +58,7 @@ impl OperatorNorms {
         self.squared.iter().all(positive) && self.levels.iter().all(LevelNorms::is_whole)
     }
 
-    /// The larger norms, bounds for every lens between the two: norms are convex.
+    /// The larger of both lenses' norms: bounds for every lens between them, as norms are convex.
     #[must_use]
     pub fn or_larger(&self, other: &OperatorNorms) -> OperatorNorms {
         let [a, b] = [self, other];

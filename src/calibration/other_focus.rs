@@ -8,7 +8,7 @@ use crate::deconvolution::focus::FocusSeries;
 use crate::deconvolution::lens_model::LensFunctions;
 use crate::remedy::{Remediable, Remedy};
 
-/// Most focuses besides the panel's: about five on each side, and two in reserve.
+/// Maximum number of focuses besides the panel's: about five on each side, and two in reserve.
 const FOCUSES_MAX: usize = 12;
 /// Largest offset, dioptres: a scene at a hand's width from a lens focused far away.
 const OFFSET_MAX: f32 = 10.0;
@@ -20,11 +20,11 @@ const SAME_OFFSET: f32 = 0.001;
 pub struct OtherFocus {
     /// 1/distance − 1/(panel distance), dioptres; positive is nearer.
     pub offset: f32,
-    /// The functions, on the grid of the panel's.
+    /// The functions, on the same grid as those at the panel's focus.
     pub functions: LensFunctions,
-    /// As [`Calibration::norms`].
+    /// Norms of the lens model at this focus, as [`Calibration::norms`].
     pub norms: OperatorNorms,
-    /// As [`Calibration::at_sites`].
+    /// The same norms at sites, as [`Calibration::at_sites`].
     pub at_sites: Option<OperatorNorms>,
 }
 
@@ -86,8 +86,8 @@ impl Calibration {
         Ok(after)
     }
 
-    /// The same calibration with the other focuses of `before`, which had the panel in the same
-    /// place, as far as they fit this grid.
+    /// Takes over the other focuses of `before`, as far as they fit this grid. The panel must be in
+    /// the same place in both calibrations.
     #[must_use]
     pub fn with_focuses_of(mut self, before: &Calibration) -> Calibration {
         let own = (grid(&self.functions), self.at_sites.is_some());
@@ -110,13 +110,13 @@ impl Calibration {
         (others < FOCUSES_MAX).then_some(()).ok_or(FocusError::TooMany)
     }
 
-    /// The lens at all focuses; `None` if measured at the panel's alone.
+    /// The lens at all focuses; `None` if it was measured at the panel's focus only.
     fn focus_series(&self) -> Option<FocusSeries<'_>> {
         let others = self.focuses.iter().map(|focus| (focus.offset, &focus.functions));
         FocusSeries::new(others.chain([(0.0, &self.functions)]).collect())
     }
 
-    /// Checks that the other focuses are valid; else describes the fault.
+    /// Checks that the other focuses are valid; the error describes the fault.
     pub(super) fn check_focuses(&self) -> Result<(), String> {
         if self.focuses.len() > FOCUSES_MAX {
             return Err(format!("{} focuses; {FOCUSES_MAX} are allowed", self.focuses.len()));
@@ -139,7 +139,7 @@ impl Calibration {
     }
 }
 
-/// Checks that `offset`, dioptres, is another focus than the panel's.
+/// Checks that `offset`, in dioptres, is that of a focus other than the panel's, and returns it.
 ///
 /// # Errors
 /// [`FocusError::Offset`] if not.

@@ -1,4 +1,4 @@
-//! The photo's part of a calibration: camera curve and dark corner.
+//! The part of a calibration that applies to photos: camera curve and dark corner.
 
 use rayon::prelude::*;
 
@@ -6,31 +6,32 @@ use super::surface::Surface;
 use super::{Calibration, CameraCurve};
 use crate::frame::{Channel, FULL_SCALE, Frame, Work};
 
-/// Least dark-corner share divided by; darker parts stay dark.
+/// Smallest dark-corner share used as a divisor; darker parts stay dark.
 const DARKEST: f32 = 0.05;
 /// Rows of a picture per task.
 const BAND_ROWS: usize = 32;
 
-/// The photo's part of a calibration, prepared.
+/// Camera curve and dark corner of a calibration, prepared for photos.
 #[derive(Debug, Clone)]
 pub struct PhotoSide {
     curve: CameraCurve,
-    /// Counts over black of the panel's white, which a developed photo's white stands for.
+    /// Counts over black of the panel's white, assumed for the white of a developed photo.
     white: f32,
     /// Relative illumination over the photo.
     dark_corner: [Surface; 3],
 }
 
 impl PhotoSide {
-    /// Prepares `calibration`.
+    /// Prepares the part of `calibration` that applies to photos.
     pub fn new(calibration: &Calibration) -> PhotoSide {
         let curve = calibration.camera_curve.clone();
         let white = FULL_SCALE * calibration.counts_per_level[Channel::Green.index()];
         PhotoSide { white: curve.bent(white), curve, dark_corner: calibration.dark_corner.clone() }
     }
 
-    /// The map from a photo's values to linear light; `None` for a linear camera. White stays white
-    /// and is `white` counts over black, else that of a camera's development.
+    /// The map from a photo's values to linear light; `None` for a linear camera. White keeps its
+    /// value; it stands for `white` counts over black or, if `None`, for the panel's white, as in a
+    /// photo developed by the camera.
     pub fn straightened(&self, white: Option<f32>) -> Option<impl Fn(f32) -> f32 + Sync + '_> {
         let counts = white.unwrap_or(self.white);
         let scale = FULL_SCALE / self.curve.over_black(counts);
@@ -38,8 +39,8 @@ impl PhotoSide {
         (!self.curve.is_straight()).then_some(straight)
     }
 
-    /// Divides `photo` (photo-sized) by the dark corner of the flats, as for captures: for photos
-    /// of scenes in front of darkness, like the panel.
+    /// Divides `photo` (photo-sized) by the dark corner of the flats, as is done for captures;
+    /// meant for photos of scenes in front of darkness, like the panel.
     pub fn undo_dark_corner(&self, photo: &mut Frame<Work>) {
         self.scale_by_corner(photo, |v, share| v / share);
     }
@@ -49,7 +50,7 @@ impl PhotoSide {
         self.scale_by_corner(light, |v, share| v * share);
     }
 
-    /// Applies `change` to each value of `photo` and its illumination relative to the middle.
+    /// Applies `change` to each value of `photo` and the illumination there relative to the middle.
     fn scale_by_corner(&self, photo: &mut Frame<Work>, change: impl Fn(f32, f32) -> f32 + Sync) {
         for c in Channel::ALL {
             let (surface, plane) = (&self.dark_corner[c.index()], photo.plane_mut(c));

@@ -4,24 +4,25 @@ use std::f64::consts::TAU;
 
 use super::Calibration;
 
-/// Transfer below which a lens passes nothing that noise leaves. Guess between two Gaussian blurs
-/// binned by 2: of 1.5 pixels (0.06 at the binned grid's limit, 15 % of the gain in dB lost) and of
-/// 3 pixels (0.00001, 2 % lost).
+/// Transfer below which noise drowns what a lens passes. Guess between two Gaussian blurs binned by
+/// 2: one of 1.5 pixels (0.06 at the binned grid's limit, 15 % of the gain in dB lost) and one of 3
+/// pixels (0.00001, 2 % lost).
 const NOTHING: f64 = 0.02;
 
-/// Largest binning.
+/// Largest binning of the camera's own pixels.
 const MOST: usize = 8;
 
 impl Calibration {
-    /// The largest factor by which pixels `binned` already can be binned further, so that no
-    /// function of any channel passes more than next to nothing beyond the limit of the new grid.
+    /// The largest factor by which pixels that are `binned` already can be binned further, such
+    /// that all functions of all channels pass next to nothing beyond the frequency limit of the
+    /// new grid.
     pub fn binning_without_loss(&self, binned: usize) -> usize {
         let factors = [8, 4, 2].into_iter().filter(|factor| factor * binned <= MOST);
         let mut lossless = factors.filter(|&factor| self.transfer(0.5 / factor as f64) < NOTHING);
         lossless.next().unwrap_or(1)
     }
 
-    /// The largest transfer of any function at `frequency`, cycles a pixel, across and down.
+    /// The largest transfer of any function at `frequency`, in cycles per pixel, across or down.
     fn transfer(&self, frequency: f64) -> f64 {
         let side = self.functions.support_px;
         let functions = self.functions.taps.iter().flat_map(|taps| taps.chunks(side * side));

@@ -6,12 +6,12 @@ use super::cross_channel::BlockReading;
 use super::curve::{CurveError, ResponseCurve};
 use super::surface::{KnotPosition, add_squared, basis, place, second_difference};
 
-/// Knot intervals over the codes: they follow a gamma curve with a toe to 0.15 of 255 for readings
-/// with errors of up to 0.2 (tested below).
+/// Knot intervals over the codes. Given readings with errors of up to 0.2 of 255, they follow a
+/// gamma curve with a toe to 0.15 (tested below).
 const INTERVALS: usize = 16;
 /// Penalty on the squared second differences, relative to one reading per coefficient (guess).
 const BENDING: f64 = 1e-3;
-/// Least increase from one code to the next, for an inverse even where a panel crushes blacks.
+/// Least increase from one code to the next; ensures an inverse even if a panel crushes blacks.
 const RISE_MIN: f32 = 1e-3;
 
 /// Fits the curve to `readings` of (code, counts in any unit), scaled to 0 at code 0 and 255 at
@@ -60,9 +60,9 @@ pub fn fit(readings: impl IntoIterator<Item = (u8, f64)>) -> Result<ResponseCurv
 const NEIGHBOUR_ROUNDS: usize = 3;
 
 /// Fits the curve of `channel` to readings of shuffled blocks without the light that blur and glare
-/// add from neighbouring blocks: counts are regressed on the block's own light, the neighbours'
-/// light, and both times the squared field, as a lens blurs its corners more; all but the first
-/// term are subtracted. Shuffling alone turns that light into noise.
+/// add from neighbouring blocks. Counts are regressed on the block's own light, the neighbours'
+/// light, and both times the squared field, as a lens blurs its corners more; all but the own
+/// light's term are subtracted. Shuffling alone would only turn the neighbours' light into noise.
 ///
 /// # Errors
 /// When the readings do not increase from code 0 to code 255.

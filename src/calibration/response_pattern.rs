@@ -1,8 +1,8 @@
 //! Response of each sensor site relative to its surroundings, and hot and dead sites.
 //!
 //! Flats are divided by their smooth part pixel by pixel. The mean of N flats of light L_f adds
-//! relative noise to a photo of light L: √(L / (L_f·N)) of the photo's own, a tenth for N = 100 and
-//! L = L_f, and less for darker photos or with read noise.
+//! noise to a photo of light L, √(L / (L_f·N)) times the photo's own: a tenth for N = 100 and L =
+//! L_f, and less for darker photos or with read noise.
 //!
 //! A flat is uneven where the lens resolves the panel's pixels, whose grating beats with the
 //! sensor's. So the smooth part includes a wave in phase with the panel's columns, along which the
@@ -23,9 +23,9 @@ pub(super) const BAD: i8 = i8::MIN;
 const STEPS_MAX: f32 = 127.0;
 /// Threshold of a hot site in the dark, in σ: none by chance among a million sites.
 const HOT_SIGMAS: f32 = 6.0;
-/// Half the side of the square of surroundings: 156 sites of red for three parameters, so that a
-/// seventh of a site's own deviation enters. The visibility of the panel's pixels varies over a
-/// wider square.
+/// Half the side of the square of surroundings: 156 sites of red for three parameters, so that the
+/// smooth part errs by a seventh of the sites' RMS deviation. The visibility of the panel's pixels
+/// varies over a wider square.
 const AROUND_PX: usize = 12;
 /// Regularisation of the wave's variance, which is a half for a beat.
 const STILL: f64 = 1e-3;
@@ -62,7 +62,7 @@ impl ResponsePattern {
     /// Fits the pattern to `seen`.
     ///
     /// # Errors
-    /// The share of bad sites if above [`BAD_SHARE_MAX`].
+    /// Returns the share of bad sites if it is above [`BAD_SHARE_MAX`].
     pub fn fit(seen: &EvenlyLit<'_>) -> Result<ResponsePattern, f64> {
         let size = seen.ratio.size();
         let mut planes = vec![vec![BAD; size.area()]; if seen.mosaic.is_some() { 1 } else { 3 }];
@@ -88,7 +88,7 @@ impl ResponsePattern {
         &self.planes
     }
 
-    /// Checks that the pattern fits a canvas of this size; else describes the fault.
+    /// Checks that the pattern fits a canvas of this size; the error describes the fault.
     pub(super) fn check(&self, canvas: Size) -> Result<(), String> {
         let sites = canvas.width.checked_mul(canvas.height);
         let fits = |plane: &Vec<i8>| Some(plane.len()) == sites;
@@ -115,7 +115,7 @@ fn fit_channel(
         to_border >= seen.rim_px && share.at(x, y) > LEAST_SHARE
     };
     let fit = |x: usize, y: usize| own(x, y) && is_measured(x, y) && dark.at(x, y).abs() <= hot;
-    // Two rounds, to exclude dead sites from their neighbours' surroundings.
+    // In two rounds, to exclude dead sites from their neighbours' surroundings.
     let mut good = Plane::from_fn(size, fit);
     let mut response = Plane::zeros(size);
     for _ in 0..2 {
@@ -261,7 +261,7 @@ mod tests {
                 let off = |n: usize| f64::from(STEP * f32::from(steps[n]) + 1.0 - truth.data()[n]);
                 let good = (0..SIZE.area()).filter(|n| !expected.contains(n));
                 let rms = (good.map(|n| off(n).powi(2)).sum::<f64>() / SIZE.area() as f64).sqrt();
-                // Noise of the flat, rounding, and the site's share in its surroundings.
+                // Noise of the flat, rounding, and the error of the smooth part.
                 assert!(rms < 0.0016, "{rms}");
             }
         }

@@ -1,4 +1,4 @@
-//! Correction of counts by a response pattern, as if all sites were alike.
+//! Correction of counts by a response pattern, after which all sites respond alike.
 
 use rayon::prelude::*;
 
@@ -13,13 +13,13 @@ const REACH_PX: usize = 6;
 pub struct SiteGains {
     mosaic: Option<Mosaic>,
     planes: Vec<Plane<i8>>,
-    /// Factor by the deviation of a site's response as a byte.
+    /// Correction factor for each deviation of a site's response, indexed by its steps as a byte.
     gains: [f32; 256],
 }
 
 impl SiteGains {
-    /// Prepares `pattern` for a `canvas` with `mosaic`; `None` if it was not measured or is of
-    /// another kind of sensor.
+    /// Prepares `pattern` for a `canvas` with `mosaic`; `None` if the pattern was not measured or
+    /// is that of another canvas or another kind of sensor.
     pub fn new(
         pattern: &ResponsePattern,
         canvas: Size,
@@ -57,8 +57,8 @@ impl SiteGains {
         near(y, plane.height()).any(|v| plane.row(v)[near(x, plane.width())].contains(&BAD))
     }
 
-    /// Deviation of the responses from 1 over the part `place` of the canvas: between `channel`'s
-    /// sites as demosaiced, 0 at bad ones.
+    /// Deviations of `channel`'s responses from 1 over the part `place` of the canvas, 0 at bad
+    /// sites; between the channel's sites they are interpolated as in demosaicing.
     pub fn deviations(&self, channel: Channel, place: Rect) -> Plane {
         let steps = self.steps(channel);
         let of = |steps: i8| if steps == BAD { 0.0 } else { STEP * f32::from(steps) };
@@ -123,7 +123,7 @@ impl SiteGains {
     }
 }
 
-/// Mean of the good values in the smallest square around (`x`, `y`) that has any; else 0.
+/// Mean of the good values in the smallest square around (`x`, `y`) that has any; 0 if none has.
 fn patch(plane: &Plane, x: usize, y: usize, apart: usize) -> f32 {
     for reach in (apart..=REACH_PX).step_by(apart) {
         let near = |at: usize, end: usize| {

@@ -19,9 +19,9 @@ pub const VERSION: u32 = 9;
 const HEADER_BYTES: usize = 12;
 const CRC_BYTES: usize = 4;
 const SLOTS: [&str; 2] = ["calibration-a.slot", "calibration-b.slot"];
-/// Larger than any calibration: 192 functions of 101×101 taps in three channels are 24 MB, the
-/// response of 24 million pixels in three channels 72 MB, twelve focuses of the default rig's 48
-/// functions 18 MB.
+/// Maximum size of a slot, larger than any calibration: 192 functions of 101×101 taps in three
+/// channels are 24 MB, the response of 24 million pixels in three channels 72 MB, twelve focuses of
+/// the default rig's 48 functions 18 MB.
 const SLOT_BYTES_MAX: u64 = 128 << 20;
 
 /// Why a slot is not valid.
@@ -30,10 +30,10 @@ pub enum SlotFault {
     /// The file does not exist.
     #[error("missing")]
     Missing,
-    /// The file is unreadable, too long, of another format, or damaged: how.
+    /// The file is unreadable, too long, of another format, or damaged; the text says which.
     #[error("{0}")]
     Bad(String),
-    /// The payload is no calibration although the checksum is right: a bug of the writer.
+    /// The payload is no calibration although the checksum is right, which is a bug of the writer.
     #[error("undamaged, but no calibration: {0}")]
     Contents(String),
 }

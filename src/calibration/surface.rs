@@ -33,16 +33,17 @@ pub struct Sample {
     pub value: f64,
 }
 
-/// Fewest samples: three by three determine bending in both directions.
+/// Minimum number of samples: three by three determine bending in both directions.
 const SAMPLES_MIN: usize = 9;
 
 /// Why a surface could not be fitted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum SurfaceError {
-    /// Too few samples for any smooth surface: their number.
+    /// Too few samples for any smooth surface; holds their number.
     #[error("{0} samples for a smooth surface; at least {SAMPLES_MIN} are needed")]
     TooFewSamples(usize),
-    /// The samples, this many, do not determine the surface (all on a line, or not finite).
+    /// The samples, whose number is given, do not determine the surface (all on a line, or not
+    /// finite).
     #[error("{0} samples do not determine a smooth surface: they lie on a line or are not numbers")]
     Undetermined(usize),
 }

@@ -3,7 +3,7 @@
 use crate::frame::{Channel, Frame, Plane, Work};
 use crate::picture::{Lab, Tone};
 
-/// Luminance of display values, 0..255: the codes' sum by the weights of Rec. 709.
+/// Luminance of display values, 0..255: the sum of the codes with the weights of Rec. 709.
 pub fn display_luminance(tone: &Tone, light: &Frame<Work>) -> Plane {
     let mut sum = Plane::zeros(light.size());
     for (c, weight) in Channel::ALL.into_iter().zip([0.2126, 0.7152, 0.0722]) {
@@ -28,7 +28,7 @@ pub fn edge_difference(tone: &Tone, picture: &Frame<Work>, scene: &Frame<Work>) 
     differences.iter().sum::<f64>() / differences.len().max(1) as f64
 }
 
-/// Whether a pixel is among the tenth with the steepest central differences of `luminance`.
+/// Marks the tenth of the pixels with the steepest central differences of `luminance`.
 pub fn edges(luminance: &Plane) -> Vec<bool> {
     let size = luminance.size();
     let slope = |x: usize, y: usize| {

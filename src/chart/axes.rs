@@ -11,11 +11,11 @@ pub enum ValueScale {
     LogBelowOne,
 }
 
-/// Numbers on a [`ValueScale::LogBelowOne`].
+/// Tick values on a [`ValueScale::LogBelowOne`] axis.
 const BELOW_ONE: [f64; 14] =
     [0.2, 0.4, 0.5, 0.6, 0.7, 0.75, 0.8, 0.85, 0.9, 0.92, 0.94, 0.96, 0.98, 0.99];
 
-/// A panel's field on the sheet and the values at its ends.
+/// Field of a panel on the sheet, and the values at its ends.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Axes {
     /// Left and right end on the sheet.
@@ -31,14 +31,14 @@ pub struct Axes {
 }
 
 impl Axes {
-    /// Place of `seconds` across the sheet, at an end if beyond it.
+    /// Horizontal position of `seconds` on the sheet, clamped to the field.
     pub fn x(&self, seconds: f64) -> f64 {
         let [from, to] = self.seconds.map(f64::ln);
         let share = (seconds.max(1e-6).ln() - from) / (to - from);
         self.across[0] + share.clamp(0.0, 1.0) * (self.across[1] - self.across[0])
     }
 
-    /// Place of `value` down the sheet, at an end if beyond it.
+    /// Vertical position of `value` on the sheet, clamped to the field.
     pub fn y(&self, value: f64) -> f64 {
         let scaled = |value: f64| match self.scale {
             ValueScale::Linear => value,
@@ -49,7 +49,7 @@ impl Axes {
         self.down[1] - share.clamp(0.0, 1.0) * (self.down[1] - self.down[0])
     }
 
-    /// Draws grid and axes; numbers of the measure only with `numbers`.
+    /// Draws the grid and the axes; the measure's axis is numbered only if `numbers`.
     pub fn draw(&self, sheet: &mut Drawing, numbers: bool) {
         let ([left, right], [top, bottom]) = (self.across, self.down);
         let narrow = (right - left) / (self.seconds[1] / self.seconds[0]).log10() < 120.0;
@@ -79,7 +79,7 @@ impl Axes {
         sheet.line(&[[left, top], [left, bottom], [right, bottom]], Stroke::new(INK, 1.0));
     }
 
-    /// Numbers on the measure's axis, and their decimals.
+    /// Tick values on the measure's axis, and their number of decimals.
     fn ticks(&self) -> (Vec<f64>, usize) {
         let [from, to] = self.values;
         if self.scale == ValueScale::LogBelowOne {

@@ -1,5 +1,5 @@
-//! Settings on the chart of speed against accuracy: the box's methods, the paper's loop, and the
-//! usual methods with the measured lens.
+//! Settings on the chart of speed against accuracy: relens's own methods, the paper's loop, and
+//! common methods with the measured lens.
 
 use crate::config::{MethodName, RigFile};
 use crate::deconvolution::method::Method;
@@ -11,20 +11,20 @@ use crate::pipeline::{Setting, counted, paper};
 
 /// A method with one setting.
 pub struct Contestant {
-    /// Family of methods: a mark and a colour of the chart.
+    /// Family of methods; each has a mark and a colour on the chart.
     pub family: String,
-    /// Line within the family: settings that differ in one number.
+    /// Line of the chart within the family; its settings differ in one number.
     pub line: String,
-    /// Value of that number.
+    /// Value of the number that differs along the line.
     pub setting: String,
-    /// Whether the rig file has this setting.
+    /// Whether this is the rig file's setting.
     pub is_filed: bool,
     /// The method.
     pub method: Box<dyn Method + Send + Sync>,
 }
 
 impl Contestant {
-    /// `method` with a `setting` on a `line` of its `family`; either may be empty.
+    /// `method` with a `setting` on a `line` of its `family`; line and setting may be empty.
     pub fn new(
         family: &str,
         line: &str,
@@ -36,7 +36,7 @@ impl Contestant {
         Contestant { family, line, setting, is_filed: false, method }
     }
 
-    /// The method of `setting`, its captures as the line.
+    /// The contestant for `setting`; settings with the same number of captures form a line.
     pub fn of_setting(rig: &RigFile, setting: &Setting) -> Self {
         let Setting { steps, correction_steps, captures_max, rounds, .. } = *setting;
         let captures = match captures_max {
@@ -58,19 +58,19 @@ impl Contestant {
         }
     }
 
-    /// Words for tables and logs.
+    /// Name in tables and logs.
     pub fn name(&self) -> String {
         name(&[&self.family, &self.line, &self.setting])
     }
 }
 
-/// The words that are not empty, separated by commas.
+/// Joins the words that are not empty by commas.
 pub(super) fn name(words: &[&str]) -> String {
     let words: Vec<&str> = words.iter().copied().filter(|word| !word.is_empty()).collect();
     words.join(", ")
 }
 
-/// All settings tried on `rig`, the rig file's own first.
+/// All contestants for `rig`, the rig file's own setting first.
 pub fn contestants(rig: &RigFile) -> Vec<Contestant> {
     let filed = Setting::as_filed(rig, rig.restore.method);
     let mut settings = vec![filed];
@@ -92,7 +92,7 @@ pub(super) fn distinct(settings: Vec<Setting>) -> Vec<Setting> {
     (0..settings.len()).filter(is_first).map(|n| settings[n]).collect()
 }
 
-/// Settings of the box's methods.
+/// Settings of relens's own methods.
 fn settings_tried(filed: &Setting) -> Vec<Setting> {
     let of = |method| Setting { method, ..*filed };
     let mut all = Vec::new();
@@ -109,7 +109,7 @@ fn settings_tried(filed: &Setting) -> Vec<Setting> {
     all
 }
 
-/// Usual methods with the measured lens, no capture.
+/// Common methods, which use the measured lens and no capture.
 fn usual() -> Vec<Contestant> {
     let mut all = Vec::new();
     for noise_to_signal in [0.003, 0.01, 0.03] {

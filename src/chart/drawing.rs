@@ -6,23 +6,23 @@ use std::fmt::{self, Display, Formatter};
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Colour(pub u8, pub u8, pub u8);
 
-/// Ink of words and axes.
+/// Colour of words and axes.
 pub const INK: Colour = Colour(0x33, 0x33, 0x33);
-/// Grid lines.
+/// Colour of grid lines.
 pub const FAINT: Colour = Colour(0xee, 0xee, 0xee);
-/// The sheet itself.
+/// Colour of the sheet.
 const SHEET: Colour = Colour(0xff, 0xff, 0xff);
-/// Results below the untouched photo.
+/// Colour of results below the untouched photo.
 pub const HARM: Colour = Colour(0xaa, 0x33, 0x33);
 
 /// Style of a line.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Stroke {
-    /// Its colour.
+    /// Colour of the line.
     pub colour: Colour,
-    /// Its width, in units of the sheet.
+    /// Width of the line, in units of the sheet.
     pub width: f64,
-    /// Whether it is dashed.
+    /// Whether the line is dashed.
     pub dashed: bool,
 }
 
@@ -32,7 +32,7 @@ impl Stroke {
         Stroke { colour, width, dashed: false }
     }
 
-    /// The same line in dashes.
+    /// This line, dashed.
     #[must_use]
     pub const fn dashed(self) -> Self {
         Stroke { dashed: true, ..self }
@@ -42,11 +42,11 @@ impl Stroke {
 /// Alignment of words with their place.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Anchor {
-    /// The place is their beginning.
+    /// The place is the beginning of the words.
     Start,
-    /// The place is their middle.
+    /// The place is the middle of the words.
     Middle,
-    /// The place is their end.
+    /// The place is the end of the words.
     End,
 }
 
@@ -59,7 +59,7 @@ pub struct Drawing {
     dark_too: bool,
 }
 
-/// Colours of sheet, words, axes and grid on a dark page; all others stay.
+/// Style that recolours sheet, words, axes and grid on a dark page; other colours stay.
 const ON_DARK: &str = "<style>text:not([fill]){fill:#222}\
     @media(prefers-color-scheme:dark){.sheet{fill:#14161a}text:not([fill]){fill:#ddd}\
     text[fill]{filter:brightness(1.7)}[stroke=\"#333333\"]{stroke:#ccc}\
@@ -72,7 +72,7 @@ impl Drawing {
         Drawing { width, height, elements: String::new(), dark_too: false }
     }
 
-    /// An empty sheet, dark on a dark page.
+    /// An empty sheet that turns dark on a dark page.
     pub fn light_and_dark(width: f64, height: f64) -> Self {
         Drawing { dark_too: true, ..Drawing::new(width, height) }
     }
@@ -88,12 +88,12 @@ impl Drawing {
         )
     }
 
-    /// A line through points.
+    /// Draws a line through `points`.
     pub fn line(&mut self, points: &[[f64; 2]], stroke: Stroke) {
         self.element(&format!("<path d=\"{}\" {stroke}", Path(points)), "path", "");
     }
 
-    /// A filled polygon of an opacity 0..1, with a tooltip.
+    /// Draws a filled polygon with opacity 0..1 and a tooltip.
     pub fn area(&mut self, corners: &[[f64; 2]], fill: Colour, opacity: f64, tip: &str) {
         let opacity = match opacity {
             1.0.. => String::new(),
@@ -106,7 +106,7 @@ impl Drawing {
         );
     }
 
-    /// A closed outline, filled with a colour or with the sheet's, with a tooltip.
+    /// Draws a closed outline with a tooltip, filled with `fill` or else with the sheet's colour.
     pub fn outline(
         &mut self,
         corners: &[[f64; 2]],
@@ -122,7 +122,7 @@ impl Drawing {
         self.element(&opening, "path", tip);
     }
 
-    /// The filled rectangle from corner to corner.
+    /// Draws a filled rectangle between two opposite corners.
     pub fn rectangle(
         &mut self,
         [left, top]: [f64; 2],
@@ -134,24 +134,24 @@ impl Drawing {
         self.area(&corners, fill, opacity, "");
     }
 
-    /// A filled circle with a tooltip.
+    /// Draws a filled circle with a tooltip.
     pub fn disc(&mut self, [x, y]: [f64; 2], radius: f64, fill: Colour, tip: &str) {
         let circle = format!("<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"{radius}\" fill=\"{fill}\"");
         self.element(&circle, "circle", tip);
     }
 
-    /// A circle's rim.
+    /// Draws the rim of a circle.
     pub fn ring(&mut self, [x, y]: [f64; 2], radius: f64, stroke: Stroke) {
         let circle = format!("<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"{radius}\" {stroke}");
         self.element(&circle, "circle", "");
     }
 
-    /// Words on a base line in letters of height `size`.
+    /// Writes `words` in letters of height `size`; `at` is a place on their base line.
     pub fn words(&mut self, words: &str, at: [f64; 2], anchor: Anchor, size: f64) {
         self.text("", words, at, anchor, size);
     }
 
-    /// The same in a colour.
+    /// Writes `words` as [`Drawing::words`] does, in `colour`.
     pub fn words_in(
         &mut self,
         colour: Colour,
@@ -176,7 +176,7 @@ impl Drawing {
         );
     }
 
-    /// Words running upwards, centred.
+    /// Writes words running upwards, centred on their place.
     pub fn words_upwards(&mut self, words: &str, [x, y]: [f64; 2], size: f64) {
         let words = escaped(words);
         self.elements += &format!(

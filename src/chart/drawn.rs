@@ -32,9 +32,9 @@ pub(super) fn page(size: Size) -> Plane {
     page
 }
 
-/// Leaves over leaves, 0..255: discs of all sizes in all greens from `seed`, later ones in front
-/// ("dead leaves" with the sizes of photographs; Lee, Mumford & Huang 2001, "Occlusion models for
-/// natural images").
+/// Overlapping leaves, 0..255: discs of all sizes in all shades of green drawn from `seed`, later
+/// ones in front ("dead leaves" with the sizes of photographs; Lee, Mumford & Huang 2001,
+/// "Occlusion models for natural images").
 pub(super) fn leaves(size: Size, seed: u64) -> Frame<Work> {
     let mut random = Xoshiro256PlusPlus::seed_from_u64(seed);
     let mut leaves: Frame<Work> =

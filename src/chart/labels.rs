@@ -2,7 +2,7 @@
 
 use super::drawing::{Anchor, Colour, Drawing, Stroke};
 
-/// Words of a point.
+/// Label of a point.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Label {
     /// The words.
@@ -36,11 +36,11 @@ impl Area {
     }
 }
 
-/// Width of a letter over its height, on average in a sans-serif face.
+/// Mean ratio of a letter's width to its height in a sans-serif face.
 const LETTER: f64 = 0.54;
-/// Distances from the point that are tried.
+/// Distances of a label from its point that are tried.
 const DISTANCES: [f64; 5] = [8.0, 14.0, 24.0, 38.0, 56.0];
-/// Directions that are tried, the better ones first.
+/// Directions of a label from its point that are tried, the preferred ones first.
 const DIRECTIONS: [[f64; 2]; 8] = [
     [1.0, 0.0],
     [0.0, -1.0],
@@ -52,8 +52,8 @@ const DIRECTIONS: [[f64; 2]; 8] = [
     [-0.8, 0.8],
 ];
 
-/// Draws `labels` within `field`, clear of `obstacles` and of each other as far as there is room,
-/// with a thin line to the point where the nearest places are taken.
+/// Draws `labels` within `field`, clear of `obstacles` and of each other as far as there is room. A
+/// thin line leads to the point if the nearest places are taken.
 pub fn draw(sheet: &mut Drawing, labels: &[Label], field: Area, obstacles: &[Area]) {
     let mut taken = obstacles.to_vec();
     for label in labels {
@@ -70,7 +70,7 @@ pub fn draw(sheet: &mut Drawing, labels: &[Label], field: Area, obstacles: &[Are
     }
 }
 
-/// The area of `label` that covers least of `taken`.
+/// The area of `label` that covers least of `taken`, preferring places inside `field` and nearby.
 fn place(label: &Label, field: &Area, taken: &[Area]) -> Area {
     let width = LETTER * label.size * label.words.chars().count() as f64;
     let height = 1.15 * label.size;

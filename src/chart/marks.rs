@@ -1,26 +1,26 @@
-//! Marks of the methods on a chart: a colour and a shape each.
+//! Marks of the methods on a chart; each has a colour and a shape.
 
 use super::drawing::Colour;
 
-/// Shape of a mark, which tells methods apart without colour.
+/// Shape of a mark, by which methods differ even without colour.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Outline {
-    /// A regular polygon of so many corners, one of them on top.
+    /// A regular polygon with this number of corners, one of them at the top.
     Polygon(usize),
-    /// The same with a side on top.
+    /// A regular polygon with this number of corners and a side at the top.
     Turned(usize),
-    /// A star of so many points.
+    /// A star with this number of points.
     Star(usize),
 }
 
 /// Mark of a family of methods.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Mark {
-    /// The family.
+    /// Family of methods.
     pub family: &'static str,
-    /// Its colour.
+    /// Colour of the mark.
     pub colour: Colour,
-    /// Its shape.
+    /// Shape of the mark.
     pub outline: Outline,
 }
 
@@ -40,7 +40,7 @@ const MARKS: [Mark; 7] = [
     mark("total-variation", Colour(0x8c, 0x6d, 0x1f), Outline::Polygon(6)),
 ];
 
-/// Mark of all other programs.
+/// Mark of all families that are not in [`MARKS`].
 const OTHER: Mark = mark("", Colour(0x44, 0x44, 0x44), Outline::Star(4));
 
 /// The mark of `family`.
@@ -49,7 +49,7 @@ pub fn mark_of(family: &str) -> Mark {
 }
 
 impl Outline {
-    /// Corners about `centre`, `radius` from it.
+    /// Corners of the outline around a centre, at a distance of about `radius`.
     pub fn corners(self, [x, y]: [f64; 2], radius: f64) -> Vec<[f64; 2]> {
         let around = |count: usize, turns: f64, radius_of: &dyn Fn(usize) -> f64| {
             let corner = |n: usize| {

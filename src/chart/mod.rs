@@ -1,4 +1,4 @@
-//! `relens chart`: speed and accuracy of methods on known scenes, on any rig; and the choice of a
+//! Speed and accuracy of methods on known scenes, on any rig (`relens chart`), and the choice of a
 //! rig's operating point from the same scores.
 
 pub mod appearance;
@@ -23,20 +23,20 @@ use table::Table;
 use test_rig::{Score, TestRig, TestRigError};
 use trade::{BALANCED, BEST, FAST, Measure, Trade};
 
-/// Photos of each scene, different in their noise.
+/// Number of photos of each scene, which differ in their noise.
 const TAKES: u64 = 3;
 
-/// Contestants and photos of one chart.
+/// Contestants, and the number of photos, of one chart.
 pub struct ChartPlan {
     /// Settings of methods, the rig file's own first.
     pub contestants: Vec<Contestant>,
-    /// Photos of each scene.
+    /// Number of photos of each scene.
     pub takes: u64,
 }
 
 impl ChartPlan {
-    /// The chart of `rig`. One photo of each scene if `quick`, or on real devices, whose noise is
-    /// their own.
+    /// Plans the chart of `rig`, with one photo of each scene if `quick`, or on real devices, whose
+    /// noise has no seed.
     pub fn new(rig: &RigFile, quick: bool) -> ChartPlan {
         let takes = if quick || rig.simulation().is_none() { 1 } else { TAKES };
         ChartPlan { contestants: contestants(rig), takes }
@@ -67,13 +67,13 @@ impl ChartPlan {
 /// A chart: its drawing and its tables.
 #[derive(Debug)]
 pub struct Chart {
-    /// Stem of the names of drawing and summary.
+    /// Stem of the file names of drawing and summary.
     pub stem: String,
-    /// Speed against accuracy.
+    /// Drawing of speed against accuracy.
     pub drawing: Drawing,
-    /// A row for each point.
+    /// Table with a row for each point.
     pub summary: Table,
-    /// A row for each photo and point.
+    /// Table with a row for each photo and point.
     pub scores: Table,
 }
 
@@ -94,7 +94,7 @@ impl Chart {
     }
 }
 
-/// The photos of `trade` in words.
+/// Describes the photos of `trade`.
 fn photos(rig: &RigFile, trade: &Trade) -> String {
     let scores = trade.points.first().map_or(&[][..], |point| &point.scores);
     let takes = scores.iter().map(|score| score.take + 1).max().unwrap_or(1);

@@ -1,4 +1,4 @@
-//! The operating point of a rig: a setting chosen by scenes shown on that rig.
+//! The operating point of a rig: the choice of a setting by scenes shown on that rig.
 
 use super::contestants::{Contestant, distinct};
 use super::scenes::Scene;
@@ -14,7 +14,7 @@ const SCENES: [Scene; 3] = [Scene::Astronaut, Scene::Coffee, Scene::Rocket];
 const MANY_ROUNDS: u32 = 8;
 
 /// Settings tried, the rig file's first: those on or near the front of `relens chart` on every
-/// simulated rig; many rounds of block matching only where the best is `wanted`.
+/// simulated rig. Many rounds of block matching are tried only if the best is `wanted`.
 fn candidates(rig: &RigFile, wanted: OperatingPoint) -> Vec<Setting> {
     let filed = Setting::as_filed(rig, rig.restore.method);
     let digital = |steps| Setting { method: MethodName::Digital, steps, ..filed };
@@ -43,7 +43,7 @@ pub fn restorations(rig: &RigFile, wanted: OperatingPoint) -> usize {
 }
 
 /// Chooses the operating point `wanted` for the rig of `test_rig`; `each` gets the name of the
-/// setting and the score of every restoration. `None` if no setting gains.
+/// setting and the score of every restoration. `None` if no setting was scored.
 ///
 /// # Errors
 /// When a scene cannot be shown or a capture fails.
@@ -76,7 +76,7 @@ pub fn choose(
     }))
 }
 
-/// `value` to four decimals.
+/// `value` rounded to four decimals.
 fn rounded(value: f64) -> f64 {
     (value * 1e4).round() / 1e4
 }

@@ -1,5 +1,5 @@
-//! The chart of speed against accuracy: SSIM over processor seconds a megapixel, settings of a
-//! method joined, labels beside their points.
+//! The chart of speed against accuracy: SSIM over processor seconds per megapixel, with the
+//! settings of a method joined by lines, and labels beside their points.
 
 use super::axes::{Axes, ValueScale};
 use super::drawing::{Anchor, Drawing, HARM, INK, Stroke};
@@ -11,19 +11,19 @@ const WIDTH: f64 = 1000.0;
 const FIELD: [f64; 4] = [70.0, 84.0, 980.0, 560.0];
 const RADIUS: f64 = 5.0;
 const MEASURE: Measure = Measure::Ssim;
-/// Room below the untouched photos, a share of the largest gain; points further down are arrows.
+/// Room below the untouched photos, as a share of the largest gain; lower points become arrows.
 const ROOM_BELOW: f64 = 0.2;
-/// Room above the best point, a share of its distance from 1.
+/// Room above the best point, as a share of its distance from 1.
 const ROOM_ABOVE: f64 = 0.15;
 
-/// Words about a chart.
+/// Texts around a chart.
 #[derive(Debug, Clone)]
 pub struct Words {
     /// The heading.
     pub title: String,
-    /// Size of a photo.
+    /// Size of a photo, megapixels.
     pub megapixels: f64,
-    /// Lines below: photos, machine, command.
+    /// Lines below the chart: photos, machine, command.
     pub below: Vec<String>,
 }
 
@@ -93,7 +93,7 @@ impl<'a> ScatterPanel<'a> {
         [self.x(point), self.axes.y(point.ssim())]
     }
 
-    /// Axes, and the level of the untouched photos.
+    /// Draws the axes, and the level of the untouched photos.
     fn frame(&self, sheet: &mut Drawing) {
         self.axes.draw(sheet, true);
         let ([left, right], bottom) = (self.axes.across, self.axes.down[1]);
@@ -104,7 +104,7 @@ impl<'a> ScatterPanel<'a> {
         sheet.words_in(HARM, words, [right - 6.0, floor + 15.0], Anchor::End, 12.0);
     }
 
-    /// The steps along the points that no other beats in both.
+    /// Corners of a stepped line along the points that no other point beats in speed and accuracy.
     fn front(&self) -> Vec<[f64; 2]> {
         let mut steps: Vec<[f64; 2]> = Vec::new();
         let points = &self.trade.points;
@@ -121,7 +121,7 @@ impl<'a> ScatterPanel<'a> {
         steps
     }
 
-    /// Standard deviations of single photos' gains.
+    /// Draws the standard deviation of each point's gain over the photos as a bar.
     fn bars(&self, sheet: &mut Drawing) {
         for point in &self.trade.points {
             let Some(spread) = self.trade.spread(point, MEASURE).filter(|&s| s > 0.0) else {
@@ -187,7 +187,7 @@ impl<'a> ScatterPanel<'a> {
         }
     }
 
-    /// The family's name and the line's at its best point, settings at the others.
+    /// Labels the best point of each line with its full name, and the others with their setting.
     fn labels(&self, sheet: &mut Drawing) {
         let lines = self.joined();
         let mut obstacles: Vec<Area> = Vec::new();
@@ -224,7 +224,7 @@ impl<'a> ScatterPanel<'a> {
 
 const FRONT: super::drawing::Colour = super::drawing::Colour(0xd4, 0xd4, 0xd4);
 
-/// Small areas along a segment, which keep labels off it.
+/// Small areas along a segment, as obstacles that keep labels off it.
 fn along([from, to]: [[f64; 2]; 2]) -> impl Iterator<Item = Area> {
     let length = (to[0] - from[0]).hypot(to[1] - from[1]);
     let count = (length / 5.0).ceil().max(1.0) as usize;

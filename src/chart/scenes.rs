@@ -22,7 +22,7 @@ pub enum Scene {
     Chart,
     /// A page of print, drawn.
     Page,
-    /// Leaves over leaves, drawn.
+    /// Overlapping leaves, drawn.
     Leaves,
 }
 
@@ -42,12 +42,12 @@ impl Scene {
         self.file_name().split('.').next().unwrap_or_default()
     }
 
-    /// Name of its file, also of a drawing's.
+    /// File name of the scene; a drawn scene has one, too.
     pub const fn file_name(self) -> &'static str {
         self.file().0
     }
 
-    /// Name and bytes of its file; a drawing has a name alone.
+    /// File name and contents; a drawn scene has a name but no contents.
     const fn file(self) -> (&'static str, Option<&'static [u8]>) {
         match self {
             Scene::Astronaut => {
@@ -61,7 +61,7 @@ impl Scene {
         }
     }
 
-    /// A drawing at `size`.
+    /// A drawn scene at `size`.
     fn drawn(self, size: Size) -> Frame<Work> {
         let grey = |plane: Plane| Frame::from_fn(|_| plane.clone());
         match self {

@@ -1,6 +1,6 @@
 //! Tables, written as Markdown and as CSV.
 
-/// A table: caption, head, rows of the same length.
+/// A table: caption, head, and rows of the same length.
 #[derive(Debug, Clone, Default)]
 pub struct Table {
     /// Sentences above the table.
@@ -17,7 +17,7 @@ impl Table {
         Table { caption: caption.into(), head: head.to_vec(), rows: Vec::new() }
     }
 
-    /// The table of `rows` of heads and cells, which all have the same heads.
+    /// Builds a table from rows of (head, cell) pairs; the heads are the same in all rows.
     pub(super) fn of_rows(
         caption: String,
         rows: impl Iterator<Item = Vec<(&'static str, String)>>,

@@ -28,7 +28,7 @@ pub struct TestRig {
     stopwatch: fn() -> f64,
     config: RigFile,
     rig: Devices,
-    /// The simulated camera, with the scene before it; without one, scenes are shown on the panel.
+    /// Witness that photographs scenes; if `None`, scenes are shown on the panel.
     witness: Option<Arc<Witness>>,
     pipeline: Pipeline,
 }
@@ -48,8 +48,8 @@ impl TestPhoto {
         TestPhoto { light, raw: None }
     }
 
-    /// The photo of `scene` by the camera of `witness`, which writes `curve`: raw if its sensor
-    /// has colour filters.
+    /// Photographs `scene` with the camera of `witness`: as raw sites if its sensor has colour
+    /// filters, else developed in `curve`.
     pub fn taken(witness: &Witness, curve: Curve, scene: &Frame<Work>, seed: u64) -> TestPhoto {
         let Some(raw) = witness.photograph_raw(scene, seed) else {
             let tone = Tone::of_curve(curve, 8);
@@ -65,7 +65,7 @@ impl TestPhoto {
         }
     }
 
-    /// The photo prepared for the methods of `pipeline`.
+    /// Prepares the photo for the methods of `pipeline`.
     pub fn prepared(&self, pipeline: &Pipeline, channels: Channels) -> Prepared<'_> {
         pipeline.prepare(match self.raw {
             Some(raw) => PhotoData::raw(&self.light, raw),
@@ -81,7 +81,7 @@ pub struct PictureQuality {
     pub ssim: f64,
     /// PSNR of the scored plane, dB.
     pub psnr_db: f64,
-    /// ΔE at edges ([`edge_difference`]), of photos in colour.
+    /// ΔE at edges ([`edge_difference`]); `None` for photos scored in green alone.
     pub edge_difference: Option<f64>,
 }
 
@@ -92,13 +92,13 @@ pub struct Score {
     pub scene: Scene,
     /// Number of the photo among those of its scene.
     pub take: u64,
-    /// Captures taken.
+    /// Number of captures taken.
     pub captures: usize,
-    /// Seconds of those captures on the rig's clock.
+    /// Time that the captures took on the rig's clock, seconds.
     pub capture_seconds: f64,
-    /// Seconds of computing on the test rig's stopwatch, simulation excluded.
+    /// Time of computing on the test rig's stopwatch, seconds; without the simulation.
     pub computing_seconds: f64,
-    /// Measured residual over the noise, where a capture measured it.
+    /// Ratio of the measured residual to the noise; `None` if no capture measured it.
     pub certificate: Option<f32>,
     /// Quality of the result.
     pub result: PictureQuality,
@@ -132,8 +132,8 @@ impl TestRig {
         Ok(TestRig { stopwatch, config, rig, witness: None, pipeline })
     }
 
-    /// The same with photos by the simulated camera of `witness`. Those of a binned camera, which
-    /// methods take binned, are shown on the panel.
+    /// This test rig with photos by the simulated camera of `witness`. On a rig that bins, scenes
+    /// stay on the panel: methods take binned photos, and the witness's are not.
     #[must_use]
     pub fn witnessed(self, witness: Arc<Witness>) -> TestRig {
         match self.config.camera.binning {
@@ -152,7 +152,7 @@ impl TestRig {
         (&self.pipeline, &mut self.rig)
     }
 
-    /// The channels scored: green alone for linear photos, as in the study.
+    /// Channels that are scored: green alone for linear photos, as in the study.
     pub fn channels(&self) -> Channels {
         match self.config.photo.curve {
             Curve::Linear => Channels::Green,
@@ -180,7 +180,7 @@ impl TestRig {
         }
     }
 
-    /// Light of `scene` with the photo's dark corners: the ideal result.
+    /// Light of `scene` with the lens's dark corners: the ideal result.
     pub fn truth(&self, scene: Scene) -> Frame<Work> {
         let light = self.light(scene);
         match &self.witness {
@@ -189,7 +189,7 @@ impl TestRig {
         }
     }
 
-    /// A photo of `scene`; on a simulated rig `take` seeds its noise.
+    /// Photographs `scene`; on a simulated rig, `take` determines the noise.
     ///
     /// # Errors
     /// When the capture of a shown scene fails.
@@ -257,7 +257,7 @@ impl TestRig {
         }
     }
 
-    /// Solves `photo` with `method`; also returns seconds of computing, simulation excluded.
+    /// Solves `photo` with `method`; also returns the seconds of computing, without the simulation.
     ///
     /// # Errors
     /// When the method fails.
@@ -276,8 +276,8 @@ impl TestRig {
     }
 }
 
-/// The plane that is scored, 0..255: luminance of display values; green display values, or green
-/// light of linear photos.
+/// The plane that is scored, 0..255: luminance of display values for colour; for green alone, its
+/// display values, or its light if photos are linear.
 pub fn seen(curve: Curve, channels: Channels, picture: &Frame<Work>) -> Plane {
     let tone = Tone::of_curve(curve, 8);
     match (channels, curve) {
@@ -291,7 +291,7 @@ pub fn seen(curve: Curve, channels: Channels, picture: &Frame<Work>) -> Plane {
     }
 }
 
-/// Failure to score.
+/// Why a test rig failed.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs)] // The sentences describe them.
 pub enum TestRigError {

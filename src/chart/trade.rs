@@ -21,7 +21,7 @@ impl Measure {
     /// All measures.
     pub const ALL: [Measure; 3] = [Measure::Ssim, Measure::Psnr, Measure::EdgeDifference];
 
-    /// Value of `quality`, larger is better; `None` where it was not measured.
+    /// Value of this measure in `quality`, larger is better; `None` if it was not measured.
     pub fn of(self, quality: &PictureQuality) -> Option<f64> {
         match self {
             Measure::Ssim => Some(quality.ssim),
@@ -31,33 +31,33 @@ impl Measure {
     }
 }
 
-/// One contestant's scores, a photo each.
+/// Scores of one contestant, one per photo.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Point {
     /// Family of methods.
     pub family: String,
-    /// Line within the family.
+    /// Line of the chart within the family.
     pub line: String,
     /// Setting on that line.
     pub setting: String,
-    /// Whether the rig file has this setting.
+    /// Whether this is the rig file's setting.
     pub is_filed: bool,
     /// Scores, at least one.
     pub scores: Vec<Score>,
 }
 
 impl Point {
-    /// Mean of a number over the photos.
+    /// Mean of `number` over the photos.
     pub fn mean(&self, number: impl Fn(&Score) -> f64) -> f64 {
         self.scores.iter().map(number).sum::<f64>() / self.scores.len() as f64
     }
 
-    /// Mean seconds a photo costs, captures and computing.
+    /// Mean seconds per photo, for captures and computing.
     pub fn seconds(&self) -> f64 {
         self.mean(|s| s.capture_seconds) + self.computing_seconds()
     }
 
-    /// Mean seconds of computing.
+    /// Mean seconds of computing per photo.
     pub fn computing_seconds(&self) -> f64 {
         self.mean(|s| s.computing_seconds)
     }
@@ -87,12 +87,12 @@ impl Point {
         self.mean(|s| s.result.psnr_db)
     }
 
-    /// Words for tables and logs.
+    /// Name in tables and logs.
     pub fn name(&self) -> String {
         name(&[&self.family, &self.line, &self.setting])
     }
 
-    /// Whether a rig file can name its method.
+    /// Whether a rig file can select the method of this point.
     fn is_choice(&self) -> bool {
         MethodName::ALL.into_iter().any(|method| method.name() == self.family)
     }
@@ -101,7 +101,7 @@ impl Point {
 /// Measured points, all of the same photos.
 #[derive(Debug, Default)]
 pub struct Trade {
-    /// Points, one a contestant.
+    /// Points, one per contestant.
     pub points: Vec<Point>,
 }
 
@@ -143,7 +143,7 @@ impl Trade {
         self.points.first()?.photo(measure)
     }
 
-    /// Standard deviation over the photos of what `point` gains over the rig file's setting.
+    /// Standard deviation, over the photos, of the gain of `point` over the rig file's setting.
     /// `None` with fewer than three photos.
     pub fn spread(&self, point: &Point, measure: Measure) -> Option<f64> {
         let filed = self.points.iter().find(|point| point.is_filed)?;
@@ -180,8 +180,8 @@ impl Trade {
         order
     }
 
-    /// Gain of `point` over the photos as a share of the largest, the mean over the measures there
-    /// are.
+    /// Gain of `point` over the untouched photos as a share of the largest gain; the mean over the
+    /// measures available.
     pub fn share(&self, point: &Point) -> f64 {
         let (mut sum, mut count) = (0.0, 0);
         for measure in Measure::ALL {
@@ -212,7 +212,7 @@ impl Trade {
         front.into_iter().find(|&n| worth(&self.points[n]) >= keeps * best)
     }
 
-    /// The points as a table, of photos of `megapixels`.
+    /// Table of the points, for photos of `megapixels`.
     pub fn table(&self, caption: String, megapixels: f64) -> Table {
         let edges = Measure::EdgeDifference;
         let row = |point: &Point| {
@@ -242,7 +242,7 @@ impl Trade {
         Table::of_rows(caption, self.points.iter().map(row))
     }
 
-    /// Every score as a table; as CSV it is all that a chart is drawn from.
+    /// Table of all scores; written as CSV, it contains all that a chart is drawn from.
     pub fn score_table(&self, caption: String) -> Table {
         let scores = self.points.iter().flat_map(|p| p.scores.iter().map(move |s| (p, s)));
         let row = |(point, s): (&Point, &Score)| {
@@ -275,12 +275,12 @@ impl Trade {
     }
 }
 
-/// Shares of the largest gain that the operating points keep. Guesses: of a gain of 0.1 SSIM, 0.01
-/// is a difference seen only side by side, and 0.002 none.
+/// Share of the largest gain that operating point `fast` keeps. Guess, as for `balanced`: of a gain
+/// of 0.1 SSIM, a loss of 0.01 is seen only side by side, and one of 0.002 not at all.
 pub const FAST: f64 = 0.9;
-/// For `balanced`.
+/// Share of the largest gain that operating point `balanced` keeps.
 pub const BALANCED: f64 = 0.98;
-/// For `best`.
+/// Share of the largest gain that operating point `best` keeps.
 pub const BEST: f64 = 1.0;
 
 #[cfg(test)]
@@ -330,7 +330,7 @@ mod tests {
 
     #[test]
     fn a_choice_counts_ssim_psnr_and_colour_alike() {
-        // As good by SSIM, and half the gain in dB and in ΔE.
+        // Both are equal in SSIM; the second has half the gain in dB and in ΔE.
         let coloured = |psnr_db, difference| {
             let mut point = point(2.0, 0.9);
             let quality =

@@ -9,8 +9,8 @@ use super::error::CliError;
 use super::options::RigOption;
 use super::output::say;
 
-/// Focus measurements between two of aim, and between two of brightness, which change less often
-/// and take four times as long.
+/// Focus measurements between one of aim and the next of brightness, or the reverse; aim and
+/// brightness change less often and take four times as long.
 const FOCUS_LOOKS: u64 = 8;
 
 /// Focus, aim and expose a rig by live measurements

@@ -16,9 +16,9 @@ const FILES: [&str; 5] = [
     "sys/module/uvcvideo/version",
 ];
 
-/// Fault of a monitor's description stored for `connector` (`drm.edid_firmware` on the command line
-/// of the running kernel) under `root`: without a monitor the kernel needs the file
-/// before the disk is mounted.
+/// Fault of the stored monitor description that the running kernel's command line names for
+/// `connector` (`drm.edid_firmware`), with files under `root`. Without a monitor the kernel needs
+/// that description before the disk is mounted.
 pub(super) fn edid_fault(root: &Path, connector: &str) -> Option<String> {
     let cmdline = std::fs::read_to_string(root.join("proc/cmdline")).unwrap_or_default();
     let words = cmdline.split_whitespace().filter_map(|word| word.split_once("edid_firmware="));

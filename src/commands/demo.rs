@@ -21,7 +21,7 @@ use super::run::empty_inbox;
 /// The rig of the demo.
 const RIG: &str = "simulated.toml";
 
-/// The scenes, in order. Photographs come first and last, for the gallery begins with the newest.
+/// The scenes, in order. Photographs come first and last: the gallery begins with the newest.
 const SCENES_TAKEN: [Scene; 4] = [Scene::Coffee, Scene::Chart, Scene::Rocket, Scene::Astronaut];
 
 /// Restore photos on a simulated rig: start here
@@ -121,7 +121,7 @@ fn quality(path: &Path, rig: &RigFile, taken: &Taken) -> Result<(f64, f64), CliE
     Ok((ssim(&picture, &scene), psnr(&picture, &scene)))
 }
 
-/// The file name of a scene's photo: raw where the camera has raw sites, but for the JPEG.
+/// The file name of a scene's photo: a DNG if the camera is `raw`, unless the scene's is a JPEG.
 fn photo_name(scene: Scene, raw: bool) -> String {
     let developed = scene.file_name();
     match developed.strip_suffix(".png") {

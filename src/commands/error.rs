@@ -76,7 +76,7 @@ pub(super) enum CliError {
     Failed(AnyFailure),
 }
 
-/// The remedy where the state cannot be read for this `cause`.
+/// The remedy if the state cannot be read, by the `cause`.
 fn state_remedy(cause: io::ErrorKind) -> &'static str {
     match cause {
         io::ErrorKind::PermissionDenied => {

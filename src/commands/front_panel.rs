@@ -1,4 +1,4 @@
-//! The thread of button and lamps, of a board or a simulated rig.
+//! The thread that attends to button and lamps, of a board or a simulated rig.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -68,7 +68,7 @@ fn run(rig: &RigFile, folder: &Path, front: &FrontPanel, ended: &dyn Fn() -> boo
     }
 }
 
-/// Runs with those of button and lamps that the board has and that can be opened.
+/// Attends to button and lamps, as far as the board has them and they can be opened.
 #[cfg(feature = "hardware")]
 fn run_on_board(parts: &relens::config::Hardware, front: &FrontPanel, ended: &dyn Fn() -> bool) {
     use relens::rig::button::Button;

@@ -84,7 +84,7 @@ pub(crate) fn run(words: Vec<OsString>) -> ExitCode {
     }
 }
 
-/// Runs as a worker of the daemon, which prints nothing.
+/// Runs as a worker of the daemon; prints nothing.
 fn read_photo(ask: &OsStr) -> ExitCode {
     match worker::serve(&ask.to_string_lossy()) {
         Ok(()) => ExitCode::SUCCESS,

@@ -51,7 +51,7 @@ pub(super) fn devices(rig: &RigFile) -> Result<Devices, CliError> {
     Ok(relens::rig::open(rig)?)
 }
 
-/// The devices of `rig`, whose panel need not be in view; a simulated one is.
+/// The devices of `rig`, opened without looking for its panel; a simulated panel is in view.
 pub(super) fn devices_without_panel(rig: &RigFile) -> Result<Devices, CliError> {
     match rig.simulation() {
         Some(_) => devices(rig),
@@ -64,8 +64,8 @@ pub(super) fn calibration_folder(folder: &Path) -> PathBuf {
     folder.join("calibration")
 }
 
-/// Shows on the panel why `rig` cannot be opened, if the panel itself can be, until the value is
-/// dropped. A simulated panel shows nothing.
+/// Shows on the panel why `rig` cannot be opened, if the panel itself can be, until the returned
+/// panel is dropped. A simulated panel shows nothing.
 pub(super) fn show_trouble(
     rig: &RigFile,
     reason: &str,

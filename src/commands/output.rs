@@ -13,7 +13,7 @@ pub(super) fn say(lines: &str) {
     }
 }
 
-/// Writes lines to standard error, where standard output carries the picture.
+/// Writes lines to standard error, because standard output may carry the picture.
 pub(super) fn note(lines: &str) {
     if !is_quiet() {
         log(lines);

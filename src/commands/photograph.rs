@@ -46,7 +46,7 @@ pub(super) fn run(options: &PhotographOptions) -> Result<(), CliError> {
 pub(super) struct Taken {
     /// Codes of the developed photo.
     pub(super) codes: Frame<Work, u8>,
-    /// The raw file, if the sensor has colour filters; white is the scene's.
+    /// The raw file, if the sensor has colour filters; its white is the scene's white.
     pub(super) raw_file: Option<Vec<u8>>,
     /// The scene with the photo's shading, the best possible result.
     pub(super) shaded: Frame<Work>,
@@ -82,7 +82,7 @@ pub(super) fn photos(rig: &RigFile, scenes: &[Frame<Work>]) -> Result<Vec<Taken>
     Ok(taken)
 }
 
-/// The file of `codes`, which have the rig's curve.
+/// Encodes `codes`, which follow the rig's curve, as a file.
 pub(super) fn file_of(
     rig: &RigFile,
     codes: &Frame<Work, u8>,

@@ -12,7 +12,7 @@ use super::error::CliError;
 use super::options::FolderOption;
 use super::output::say;
 
-/// The file's name, in the daemon's folder.
+/// Name of the simulated button's file, in the daemon's folder.
 const NAME: &str = ".relens-button-is-down";
 
 /// Interval between checks for the file, seconds.
@@ -66,7 +66,7 @@ pub(super) fn run(options: &PressOptions) -> Result<(), CliError> {
     if !Folders::in_use(folder) {
         return Err(CliError::NobodyThere(folder.clone()));
     }
-    // Read first, for an error after the press would make people press again.
+    // Read first, because an error after the press would make people press again.
     let needs_button =
         State::read(folder).map_err(CliError::BrokenState)?.is_none_or(|state| state.needs_button);
     let path = folder.join(NAME);

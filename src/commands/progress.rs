@@ -14,7 +14,7 @@ use relens::measurement::CalibrationProgress;
 
 use super::service::service_manager;
 
-/// Columns kept free, where terminals echo `^C`, so that it is cleared with the line.
+/// Columns kept free for the `^C` that terminals echo, so that it is cleared with the line.
 const ECHO_COLUMNS: u16 = 4;
 
 static QUIET: AtomicBool = AtomicBool::new(false);
@@ -24,7 +24,7 @@ pub(super) fn be_quiet() {
     QUIET.store(true, Ordering::Relaxed);
 }
 
-/// Whether output but warnings and errors is suppressed.
+/// Whether all output but warnings and errors is suppressed.
 pub(super) fn is_quiet() -> bool {
     QUIET.load(Ordering::Relaxed)
 }
@@ -69,14 +69,14 @@ impl TermLike for Narrowed {
     }
 }
 
-/// Whether progress is drawn: on a terminal that can, and without `--quiet`.
+/// Whether progress is drawn: on a terminal that can move its cursor, without `--quiet`.
 pub(super) fn is_drawn() -> bool {
     let moves = !is_quiet()
         && std::env::var_os("TERM").is_some_and(|name| !name.is_empty() && name != "dumb");
     moves && std::io::stderr().is_terminal()
 }
 
-/// The program's only line.
+/// The program's only progress line.
 fn bar() -> &'static ProgressBar {
     static BAR: OnceLock<ProgressBar> = OnceLock::new();
     BAR.get_or_init(|| {

@@ -52,7 +52,7 @@ pub(super) struct RestoreOptions {
     report: Option<PathBuf>,
 }
 
-/// Checks before any photo is read: several need a folder, and one a new file of a known format.
+/// Checks the destination first: several photos need a folder, one a new file of a known format.
 fn check_place(RestoreOptions { photos, out, .. }: &RestoreOptions) -> Result<(), CliError> {
     if out.is_dir() {
         return Ok(());
@@ -68,7 +68,7 @@ fn check_place(RestoreOptions { photos, out, .. }: &RestoreOptions) -> Result<()
 }
 
 struct Destination {
-    /// The new file; standard output without one.
+    /// The new file; `None` for standard output.
     file: Option<PathBuf>,
     format: Format,
 }

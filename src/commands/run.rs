@@ -218,8 +218,8 @@ fn now_unix_s() -> u64 {
     unix_s(SystemTime::now()) as u64
 }
 
-/// Whether the network has set the clock: by the kernel, or, where a service may not ask it, by the
-/// mark of systemd-timesyncd (systemd-timesyncd.service(8)).
+/// Whether the network has set the clock, according to the kernel or, if a service may not ask it,
+/// to the marker file of systemd-timesyncd (systemd-timesyncd.service(8)).
 fn clock_is_set() -> bool {
     relens::rig::kernel_time::is_synchronised()
         || Path::new("/run/systemd/timesync/synchronized").exists()

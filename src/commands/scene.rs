@@ -50,13 +50,13 @@ pub(super) fn restorer_before(
     })
 }
 
-/// A rig whose owner removes the panel for a photo, and brings it back after the first search
-/// failed.
+/// A simulated rig whose owner removes the panel for a photo, and puts it back after the first
+/// search for it has failed.
 struct SceneThenPanel {
     inner: Box<dyn Restorer>,
     witness: Witness,
     scene: Frame<Work>,
-    /// Whether the panel was searched since the last photo.
+    /// Whether the panel was searched for since the last photo.
     was_asked: bool,
 }
 

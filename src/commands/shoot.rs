@@ -140,8 +140,8 @@ fn print_shot(options: &ShootOptions, shot: &PhotoShot, exposure_s: f64, gain: f
     }
 }
 
-/// Makes the inbox of `folder` if `out` goes there, for the first photo precedes the first run. Any
-/// other folder may be a typing error.
+/// Creates the inbox of `folder` if `out` is in it, because the first photo may precede the first
+/// run. Another missing folder may be a typing error.
 fn make_inbox(folder: &Path, out: &Path) -> Result<(), CliError> {
     fn plain(path: &Path) -> &Path {
         path.strip_prefix(".").unwrap_or(path)

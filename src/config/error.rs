@@ -6,7 +6,7 @@ use crate::remedy::{Remediable, Remedy};
 
 /// Error of a rig file.
 #[derive(Debug, thiserror::Error)]
-#[allow(missing_docs)] // The sentences describe them.
+#[allow(missing_docs)] // The messages describe them.
 pub enum ConfigError {
     #[error("cannot read the rig file {0}")]
     Read(PathBuf, #[source] std::io::Error),

@@ -170,7 +170,7 @@ table! {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(untagged)]
 pub enum FeatureValue {
-    /// A truth.
+    /// A boolean.
     Truth(bool),
     /// A number, whole or fractional.
     Number(f64),

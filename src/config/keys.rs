@@ -2,8 +2,8 @@
 //! `rig-config/README.md`.
 //!
 //! `table!` declares a struct and its [`TableKeys`], `words!` an enum and its words. A field is
-//! followed by its [`Allowed`] values and its meaning when [`LeftOut`]; its documentation is the
-//! key's. A field that is [`Allowed::Fixed`] is no key: a constant, or computed from other keys.
+//! followed by its [`Allowed`] values and its meaning when [`LeftOut`]; its doc comment documents
+//! the key. A field that is [`Allowed::Fixed`] is not a key: it is constant or computed from keys.
 
 use toml::Value;
 
@@ -57,7 +57,7 @@ pub(super) enum LeftOut {
 pub(super) struct KindKeys {
     pub(super) word: &'static str,
     pub(super) keys: &'static TableKeys,
-    /// Whether a table without `kind` is of this one.
+    /// Whether a table without `kind` is of this kind.
     pub(super) is_default: bool,
 }
 

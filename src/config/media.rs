@@ -97,7 +97,7 @@ const PAD: Allowed =
     });
 
 impl MediaGraph {
-    /// All entities that are named.
+    /// All entities named in links and formats, and those of sensor and capture.
     pub fn entities(&self) -> impl Iterator<Item = &str> {
         let links = self.link.iter().flat_map(|link| [&link.from, &link.to]);
         let pads = links.chain(self.format.iter().map(|format| &format.pad));

@@ -9,7 +9,7 @@ use crate::deconvolution::method::{
     About, blocks, digital, hybrid, paper, richardson_lucy, wiener,
 };
 
-/// The enum of methods, from documentation and description of each.
+/// Declares the enum of methods from each one's documentation and description.
 macro_rules! method_names {
     ($($(#[doc = $doc:literal])* $method:ident: $about:expr,)*) => {
         /// A method that a rig file can name.

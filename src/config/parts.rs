@@ -85,7 +85,7 @@ words! {
 }
 
 impl Subpixels {
-    /// Panel pixels from a pixel's centre to the right to the centre of its part of `channel`.
+    /// Offset of `channel`'s part of a pixel to the right of the pixel's centre, in panel pixels.
     pub fn offset_px(self, channel: Channel) -> f64 {
         let third = (channel.index() as f64 - Channel::Green.index() as f64) / 3.0;
         match self {

@@ -19,7 +19,7 @@ pub struct RigFile {
     pub photo: PhotoTable,
     /// Display.
     pub panel: PanelTable,
-    /// Sensor, and the photo's place on it, in binned pixels as all lengths here.
+    /// Sensor, and the photo's place on it, in binned pixels like all lengths of this struct.
     pub camera: CameraTable,
     /// Grid of the solver.
     pub canvas: CanvasTable,
@@ -43,8 +43,8 @@ pub struct RigFile {
     pub identity: u64,
 }
 
-/// Refreshes of the panel in an exposure, if they are no whole number. A control in steps of 100 µs
-/// rounds by 0.3 % at 60 Hz.
+/// Refreshes of the panel per exposure, if that is not a whole number. Tolerates the 0.3 % by which
+/// a control in steps of 100 µs rounds at 60 Hz.
 pub(super) fn broken_refreshes(panel: &PanelTable, camera: &CameraTable) -> Option<f64> {
     let refreshes = camera.exposure_ms * panel.refresh_hz / 1e3;
     ((refreshes - refreshes.round().max(1.0)).abs() > 0.01).then_some(refreshes)
@@ -91,7 +91,7 @@ impl RigFile {
         PhotoGrid { sensor: own(self.camera.size()), photo, pattern_px }
     }
 
-    /// The rig with its camera's own pixels as those of the solver.
+    /// The same rig without binning: the solver's pixels are the camera's own.
     #[must_use]
     pub fn unbinned(&self) -> RigFile {
         let PhotoGrid { sensor, photo, .. } = self.photo_grid();
@@ -130,8 +130,8 @@ impl RigFile {
         }
     }
 
-    /// Colour filters of the sensor's sites, if it has any and sends them raw; binned pixels have
-    /// all colours.
+    /// Colour filters of the sensor's sites. `None` if the sensor has none or does not send them
+    /// raw, and for binned pixels, which have all colours.
     pub fn mosaic(&self) -> Option<Mosaic> {
         if self.camera.binning > 1 {
             return None;
@@ -148,7 +148,7 @@ impl RigFile {
         self.mosaic().map(|mosaic| mosaic.from_place(x, y))
     }
 
-    /// Warning about a simulated rig's exposure, which a real one may not have, with its remedy.
+    /// Warning about an exposure of no whole number of refreshes; a real rig is refused instead.
     pub fn warning(&self) -> Option<String> {
         let refreshes = broken_refreshes(&self.panel, &self.camera)?;
         Some(format!(

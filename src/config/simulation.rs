@@ -64,8 +64,8 @@ pub struct Unrest {
 }
 
 impl Usual for Unrest {
-    /// Guesses: what the warmth of a room moves, steps and a fan, a backlight's current over whole
-    /// periods, a bolted panel, a panel that has warmed up.
+    /// Guesses, field by field: the changing warmth of a room; footsteps and a fan; a backlight's
+    /// current over whole periods; a bolted panel; a panel that has warmed up.
     const USUAL: Unrest = Unrest {
         wander_px: 0.03,
         vibration_px: 0.05,
@@ -75,7 +75,7 @@ impl Usual for Unrest {
     };
 }
 
-/// Imperfections by one key that switches them on; without them the default.
+/// Imperfections that one boolean key switches on; the default has none.
 trait Usual: Default {
     const USUAL: Self;
 }
@@ -85,7 +85,7 @@ fn usual<'de, D: Deserializer<'de>, T: Usual>(deserializer: D) -> Result<T, D::E
     Ok(if is_on { T::USUAL } else { T::default() })
 }
 
-/// Whether a value is the default, which is then not part of an identity.
+/// Whether `value` is the default, which is left out of a rig's identity.
 pub(super) fn is_default<T: Default + PartialEq>(value: &T) -> bool {
     *value == T::default()
 }
@@ -105,7 +105,7 @@ words! {
 pub struct Glare {
     /// Share of the light that is scattered, 0..1.
     pub share: f32,
-    /// Standard deviation of its Gaussian, in sensor pixels.
+    /// Standard deviation of the glare's Gaussian, in sensor pixels.
     pub radius_px: f32,
 }
 
@@ -285,7 +285,7 @@ pub struct Uneven {
     /// Share of the light missing in the corners, growing with the squared distance from the
     /// middle.
     pub corner_loss: f64,
-    /// How much more of it blue lacks than red, as a share; green is between them.
+    /// Corner loss of blue minus that of red, as a share of the light; green is halfway between.
     pub corner_tint: f64,
     /// Share of the light lost at 10° of view, growing with the squared angle.
     pub loss_at_10_deg: f64,
@@ -302,7 +302,7 @@ impl Usual for Uneven {
         corner_tint: 0.02,
         // Guess: an IPS panel.
         loss_at_10_deg: 0.02,
-        // Guess: half as much again as a contrast of 1000:1 leaks.
+        // Guess: half of what a contrast of 1000:1 leaks.
         leakage_at_10_deg: 0.0005,
     };
 }

@@ -18,7 +18,7 @@ const NOT_HARDWARE: &str = "the rig is not made of hardware";
 const NOT_SIMULATED: &str = "the rig is not simulated";
 /// Deadline of a frame in exposures, where the file gives none. Guess.
 const DEADLINE_EXPOSURES: f64 = 10.0;
-/// Side of a patch of the paper, and the width of the photo that it is for (§4.1), in pixels.
+/// Side of the paper's patches, pixels, for a photo [`PATCH_PHOTO_PX`] wide (§4.1).
 const PATCH_PX: i64 = 80;
 const PATCH_PHOTO_PX: i64 = 1024;
 
@@ -221,7 +221,7 @@ fn whole_of(whole: &toml::Table, table: &str, key: &str) -> i64 {
     value.and_then(Value::as_integer).unwrap_or_default()
 }
 
-/// Sets `key` of `table`, where there is such a table without it.
+/// Sets `key` of `table` if the table exists and lacks the key.
 fn set_if_missing(whole: &mut toml::Table, table: &str, key: &str, value: Value) {
     if let Some(Value::Table(table)) = whole.get_mut(table) {
         table.entry(key).or_insert(value);

@@ -16,7 +16,7 @@ impl Clocks<'_> {
         self.clock.now()
     }
 
-    /// The calendar, as files' own times are by, in seconds since 1970 UTC.
+    /// Time by the calendar, as files have it, in seconds since 1970 UTC.
     pub(super) fn unix_s(&self) -> u64 {
         unix_s((self.calendar)()) as u64
     }

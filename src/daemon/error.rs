@@ -1,11 +1,11 @@
-//! Errors that hold the whole daemon, in the drop folder or the rig.
+//! Errors of the drop folder or the rig that stop all work until they are resolved.
 
 use std::path::PathBuf;
 
 use crate::disk::{FREE_SPACE, FileError};
 use crate::remedy::{AnyFailure, Remediable, Remedy, full_message};
 
-/// Why work is held.
+/// Reason why no photo can be restored at present.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs)] // The sentences describe them.
 pub enum DaemonError {
@@ -30,7 +30,7 @@ pub enum DaemonError {
     Rig { photo: Option<String>, failure: AnyFailure },
     #[error("the operator is needed: no photo was taken: {}", full_message(&**failure))]
     NotTaken { failure: AnyFailure },
-    /// The rig has drifted since its calibration and may not be calibrated by itself.
+    /// The rig has drifted since its calibration, and the daemon may not calibrate it again.
     #[error("the operator is needed: the rig has drifted{}: {complaint}", again(*.calibrations))]
     Drifted { complaint: String, calibrations: u32 },
     #[error("the operator is needed: {cause} cannot be calibrated: {}", full_message(&**failure))]

@@ -44,7 +44,7 @@ pub enum JobEnd {
     Gone,
 }
 
-/// Why a photo has no result.
+/// Reason why a photo has no result.
 #[derive(Debug, thiserror::Error)]
 enum JobError {
     #[error(transparent)]
@@ -74,7 +74,7 @@ enum JobError {
     Files(#[from] FileError),
 }
 
-/// `message` with the name of the `photo` in front, once.
+/// Puts the name of the `photo` before `message`, unless it is there already.
 fn with_name(photo: &str, message: String) -> String {
     let has_name = message.strip_prefix(photo).is_some_and(|rest| rest.starts_with(": "));
     if has_name { message } else { format!("{photo}: {message}") }
@@ -124,14 +124,14 @@ pub(super) struct Job<'a> {
     pub(super) setting: &'a DaemonSetting,
     pub(super) restorer: &'a mut dyn Restorer,
     pub(super) clocks: &'a Clocks<'a>,
-    /// Number of its report.
+    /// Number of the job's report.
     pub(super) number: u64,
     pub(super) watcher: &'a mut dyn Watcher,
     pub(super) on_progress: &'a mut dyn FnMut(Progress),
     pub(super) unsettled: &'a mut Unsettled,
-    /// The refusal by the completeness check, with the metadata of the checked file.
+    /// Flaw for which the completeness check refused the photo, with the checked file's metadata.
     pub(super) refusal: Option<(Metadata, PictureError)>,
-    /// Set when the names in `failed` are not durable yet.
+    /// Set to true when names in `failed` are not durable yet.
     pub(super) has_rejected: &'a mut bool,
 }
 
@@ -140,7 +140,7 @@ pub(super) struct Job<'a> {
 pub(super) struct Unsettled(Vec<(std::ffi::OsString, bool)>);
 
 impl Unsettled {
-    /// Moves them out of `working`.
+    /// Moves the photos out of `working`.
     pub(super) fn settle(&mut self, folders: &Folders) -> Result<(), FileError> {
         while let Some((name, delivered)) = self.0.last() {
             settle(folders, name, *delivered)?;
@@ -159,7 +159,7 @@ impl Job<'_> {
     pub(super) fn run(mut self, path: &Path) -> Result<JobEnd, DaemonError> {
         let (files, from) = (&self.folders.files, self.folders.inbox.join(path));
         let claimed = match files.move_to_own(&from, &self.folders.working, &flat_name(path)) {
-            // Not when `working` is missing.
+            // The other cause of `NotFound` is a missing `working`.
             Err(error) if error.kind() == ErrorKind::NotFound && !files.exists(&from)? => {
                 return Ok(JobEnd::Gone);
             }
@@ -175,7 +175,7 @@ impl Job<'_> {
         let name = claimed.file_name().unwrap_or(claimed.as_os_str()).to_owned();
         let mut delivered = false;
         self.run_claimed(claimed, &mut delivered).inspect_err(|_| {
-            // The first error is reported; one met here is retried at the next scan.
+            // Only the job's error is reported; if settling fails, the next scan repeats it.
             if settle(self.folders, &name, delivered).is_err() {
                 self.unsettled.0.push((name.clone(), delivered));
             }
@@ -265,7 +265,7 @@ impl Job<'_> {
         }
         let encoded = Encoded::of(&read, &outcome)?;
         let format = encoded.result.as_ref().map(|_| read.manner.format);
-        // The photo's own name where its file is the result, else the name in the result's format.
+        // The photo's own name if its file is the result, else one with the format's extension.
         let wanted = match format.is_none() && Path::new(&photo.name).extension().is_some() {
             true => photo.name.clone(),
             false => result_name(&photo.name, read.manner.format),
@@ -289,9 +289,9 @@ impl Job<'_> {
             Ok(read) => return Ok(read),
             Err(error) => error,
         };
-        // An older file was watched before: checking hundreds of damaged photos would delay others.
+        // Only recent files are watched: to wait for hundreds of damaged photos would delay others.
         let now = self.clocks.unix_s() as i64;
-        // By calendars that were set, it may lie in the future.
+        // The time of change lies in the future if the calendar was set back since.
         let is_recent = |metadata: Metadata| now.abs_diff(metadata.changed.0) < RECENT_S;
         let is_recent = before.is_none_or(is_recent);
         if error.growth() != Growth::None && is_recent {

@@ -1,4 +1,4 @@
-//! The log on standard error, with journald's priority prefixes where the journal reads it.
+//! The log on standard error, with journald's priority prefixes if the journal reads it.
 //!
 //! `error` is an internal error, `warn` a problem outside the program, `info` one line a photo,
 //! `debug` detail.

@@ -5,8 +5,8 @@
 //! Disk operations go through [`Disk`](crate::disk::Disk); photos are decoded in a
 //! [`worker`](crate::picture::worker) process.
 //!
-//! The daemon acts on an error's [`Remedy`](crate::remedy::Remedy) alone. Restoration is behind
-//! [`Restorer`], observers are behind [`Watcher`], schedules behind [`Schedule`].
+//! The daemon acts on an error's [`Remedy`](crate::remedy::Remedy) alone. Restoration, observers
+//! and schedules are behind the traits [`Restorer`], [`Watcher`] and [`Schedule`].
 
 mod clocks;
 mod error;

@@ -26,7 +26,7 @@ use crate::remedy::{Remediable, full_message};
 use crate::restorer::{Progress, Restorer};
 use crate::rig::{Clock, Moment};
 
-/// Longest interval between two questions to a schedule that holds.
+/// Longest interval between two questions to a schedule that holds the photos.
 const HOLD_POLL_S: f64 = 15.0;
 
 /// Interval at which a stop is noticed during a wait.
@@ -46,7 +46,7 @@ struct InboxPass {
     patience: Patience,
     /// Time after which a deferred photo is tried again.
     retry_s: f64,
-    /// Photos begun.
+    /// Number of photos begun.
     number: usize,
     /// Whether the newest photo is next.
     newest_next: bool,
@@ -64,7 +64,7 @@ pub struct Daemon<'a> {
     unsettled: Unsettled,
     late: LateWrites,
     reporter: Reporter,
-    /// Whether photos were moved to `failed` and its names are not durable yet.
+    /// Whether photos were moved to `failed` whose names there are not durable yet.
     has_rejected: bool,
 }
 
@@ -100,9 +100,9 @@ impl<'a> Daemon<'a> {
         self
     }
 
-    /// Empties the inbox once, or until `stop` returns true, which is asked between photos. Files
-    /// need not be quiet; recently changed incomplete ones stay, as do those for which the schedule
-    /// holds.
+    /// Empties the inbox once, or until `stop`, which is called between photos, returns true. Files
+    /// need not be quiet; incomplete ones that changed recently stay, as do photos that the
+    /// schedule holds.
     ///
     /// # Errors
     /// When the folders or the rig need help; photos not begun stay in the inbox.
@@ -123,9 +123,9 @@ impl<'a> Daemon<'a> {
         Ok(self.summary())
     }
 
-    /// Watches the inbox until `stop` returns true, which is asked between photos and scans. An
-    /// error is logged once and held; work is then tried again. The summary holds the last thousand
-    /// photos of each kind.
+    /// Watches the inbox until `stop`, which is called between photos and scans, returns true.
+    /// After an error, which is logged once, work is held and tried again. The summary holds the
+    /// last thousand photos of each kind.
     pub fn run(&mut self, stop: &dyn Fn() -> bool) -> Summary {
         let patience = Patience {
             quiet_s: self.setting.quiet_s,
@@ -138,7 +138,7 @@ impl<'a> Daemon<'a> {
         self.try_to_show_gallery();
         while !stop() {
             let passed = self.pass(patience, self.setting.retry_s, stop);
-            // One sentence, whichever operation met a missing folder.
+            // A missing folder is reported in the same words, whichever operation met it.
             let away = passed.as_ref().err().and_then(|_| self.folders.check_space(0).err());
             let held_s = if away.is_some() { MISSING_POLL_S } else { self.setting.retry_s };
             let passed = passed.map_err(|error| away.unwrap_or(error));
@@ -186,9 +186,9 @@ impl<'a> Daemon<'a> {
         self.summary()
     }
 
-    /// Restores ready photos until there are none or the schedule holds; returns that turn. Oldest
-    /// first, but after a photo without a result the newest is next, those included that became
-    /// ready meanwhile: a pile of unreadable photos does not delay it.
+    /// Restores ready photos until there are none or the schedule holds them; returns its last
+    /// turn. The oldest photo is first, but after a photo without a result the newest is next, even
+    /// if it became ready meanwhile: a pile of unreadable photos does not delay it.
     fn pass(
         &mut self,
         patience: Patience,
@@ -282,7 +282,7 @@ impl<'a> Daemon<'a> {
         }
     }
 
-    /// Whether a file that was not quiet at the scan at `scanned` may be so by now.
+    /// Whether a file that was still changing at the scan made at `scanned` may be quiet by now.
     fn is_scan_due(&self, scanned: Moment) -> bool {
         let now = self.clocks.moment();
         now.0 - scanned.0 >= self.setting.poll_s || self.inbox.due.is_some_and(|due| now >= due)
@@ -300,7 +300,7 @@ impl<'a> Daemon<'a> {
         }
     }
 
-    /// Does the chores and scans the inbox.
+    /// Settles failed jobs, withdraws results of photos that have changed, and scans the inbox.
     fn scan(&mut self, patience: Patience) -> Result<Ready, DaemonError> {
         let now = self.clocks.moment();
         self.unsettled.settle(&self.folders)?;
@@ -381,7 +381,7 @@ impl<'a> Daemon<'a> {
         let end = job.run(path);
         self.watcher.ended();
         if end.is_err() {
-            // It is back in the inbox.
+            // The photo is back in the inbox.
             self.inbox.waiting.turn += 1;
         }
         end
@@ -420,7 +420,7 @@ impl<'a> Daemon<'a> {
         self.reporter.summary(self.inbox.deferred(), self.inbox.waiting)
     }
 
-    /// Writes the numbers of waiting photos, where they have changed.
+    /// Writes the numbers of waiting photos if they have changed.
     fn update_waiting(&mut self) {
         let snapshot = self.snapshot();
         self.reporter.update_waiting(&self.folders, &snapshot);
@@ -452,8 +452,8 @@ impl<'a> Daemon<'a> {
         self.reporter.set_doing(&self.folders, doing, &snapshot);
     }
 
-    /// Waits for the next scan of the inbox: until it is due, a file will have been quiet for long
-    /// enough, or an event comes.
+    /// Waits until the next scan of the inbox is due, a file will have been quiet for long enough,
+    /// or an event comes.
     fn wait_for_photos(&self, stop: &dyn Fn() -> bool) {
         let DaemonSetting { quiet_s, poll_s, .. } = self.setting;
         let due_s = self.inbox.due.map_or(f64::INFINITY, |due| due.0 - self.clocks.moment().0);

@@ -18,7 +18,7 @@ use crate::restorer::Progress;
 #[derive(Debug, Default)]
 pub struct ServiceManager {
     socket: Option<UnixDatagram>,
-    /// The last status sent; each is sent once.
+    /// The last status sent, which is not sent again.
     status: Mutex<String>,
 }
 
@@ -81,7 +81,7 @@ pub struct Supervised<'a> {
 }
 
 impl<'a> Supervised<'a> {
-    /// Notifies `manager`, then `inner`.
+    /// Creates a watcher that notifies `manager`, then `inner`.
     pub fn new(manager: &'a ServiceManager, inner: Box<dyn Watcher + 'a>) -> Supervised<'a> {
         Supervised { manager, inner, photo: String::new() }
     }

@@ -16,17 +16,17 @@ pub struct DaemonSetting {
     pub needs_button: bool,
     /// How photos are decoded.
     pub reading: ReadOptions,
-    /// Time without a change after which a photo is taken.
+    /// Time without a change after which a photo is taken from the inbox.
     pub quiet_s: f64,
     /// Longest time between two scans of the inbox.
     pub poll_s: f64,
     /// Whether events of the inbox make the next scan come sooner.
     pub hints: bool,
-    /// Decodes each photo in a process of its own; without it, in this one: trusted files.
+    /// Decodes each photo in a process of its own; `None` decodes trusted files in this process.
     pub worker: Option<Worker>,
     /// Time without a change after which an incomplete photo is rejected.
     pub unfinished_s: f64,
-    /// Free bytes always kept on the disk.
+    /// Bytes of the disk that always stay free.
     pub floor_bytes: u64,
     /// Time after which a deferred photo, or a rig in need of help, is tried again.
     pub retry_s: f64,

@@ -10,10 +10,10 @@ use super::patches::{PARITY_CLASSES, PatchGrid};
 use crate::frame::{Channels, Frame, Work};
 use crate::remedy::AnyFailure;
 
-/// BC(picture), in four captures.
+/// Backward convolution BC(`picture`), computed from four captures.
 ///
 /// # Errors
-/// The failure of the capture that failed.
+/// When a capture fails.
 pub fn backward_convolution(
     optics: &mut dyn ForwardConvolution,
     picture: &Frame<Work>,

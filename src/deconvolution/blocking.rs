@@ -9,8 +9,8 @@ use crate::frame::Plane;
 
 /// Side of a block, pixels (ITU-T T.81).
 const BLOCK_PX: usize = 8;
-/// Minimum ratio of the third differences' variance at borders to that inside blocks: by chance
-/// they differ by a few hundredths.
+/// Minimum ratio of the variance of third differences at block borders to that inside blocks; by
+/// chance it differs from 1 by a few hundredths.
 const STEPS_RATIO: f32 = 1.25;
 /// Variance of a border's third difference per variance of a block's error, 2² · 2: a step of
 /// height h has a third difference of 2h, and h is the difference of two independent errors.
@@ -18,14 +18,14 @@ const VARIANCE_PER_ERROR: f32 = 8.0;
 /// Median of |N(0, 1)|.
 const MEDIAN: f32 = 0.674_5;
 
-/// The standard deviation of the coding error of `photo`, in its units; 0 where no blocks are
-/// found: never a JPEG, or rotated, cropped off the grid or resized since.
+/// Standard deviation of the coding error of `photo`, in its units; 0 if it shows no blocks,
+/// because it never was a JPEG or was rotated, resized or cropped off the block grid since.
 pub fn blocking_of(photo: &Plane) -> f32 {
     let (width, height) = (photo.width(), photo.height());
     if width < 2 * BLOCK_PX || height < 2 * BLOCK_PX {
         return 0.0;
     }
-    // At the borders, and half a block away from them.
+    // Third differences at block borders, and half a block away from them.
     let mut across: [Vec<f32>; 2] = [Vec::new(), Vec::new()];
     let mut put = |four: [f32; 4], at: usize| {
         let which = match at % BLOCK_PX {
@@ -69,7 +69,7 @@ mod tests {
     use rand_distr::{Distribution, StandardNormal};
 
     /// A smooth picture with noise of one grey level, and errors of `coding` grey levels that are
-    /// even within a block.
+    /// constant within a block.
     fn photo(coding: f32, size: Size, offset: usize) -> Plane {
         let mut random = rand_xoshiro::Xoshiro256PlusPlus::seed_from_u64(9);
         let mut normal = || -> f32 { StandardNormal.sample(&mut random) };

@@ -1,8 +1,9 @@
-//! The focus of a photo's colours against each other.
+//! Focus of a photo's colour channels relative to each other.
 //!
 //! The lens is measured in the panel's narrow light, at the panel's distance. Through a lens with
-//! longitudinal chromatic aberration, a scene somewhat nearer or farther, or of broader light, has
-//! in each channel a blur between those measured for neighbouring channels, or just beyond them:
+//! longitudinal chromatic aberration, a scene somewhat nearer or farther, or lit by a broader
+//! spectrum, is blurred in each channel by a function between those measured for neighbouring
+//! channels, or just beyond them:
 //!
 //! ```text
 //! H′_R = H_R + s (H_G − H_R)    H′_G = H_G + min(s, 0) (H_G − H_R)    H′_B = H_B + t (H_G − H_B)
@@ -11,9 +12,10 @@
 //! A change of focus moves red and green by the same dioptres, hence one s for both. Green, the
 //! sharpest, is not extrapolated to a sharper one, which would amplify noise.
 //!
-//! Of one scene x, y_R = H_R x and y_G = H_G x agree once each is blurred by the other's function.
-//! Where a scene's red lies locally along a line in its green, H_G y_R = a H_R y_G + b, with a and
-//! b of the place; s minimises the residual of this regression, and t that of blue on green.
+//! The channels y_R = H_R x and y_G = H_G x of one scene x agree once each is blurred by the
+//! other's function. Where a scene's red is locally a linear function of its green,
+//! H_G y_R = a H_R y_G + b with local a and b; s minimises the residual of this regression, and t
+//! that of blue on green.
 
 use super::colour_lines::{ChannelPair, ColourPlaces};
 use super::lens_model::{Halo, LensFunctions, LensModel};
@@ -22,23 +24,23 @@ use super::observation::{DataKind, Observation};
 use super::smoothing::halve;
 use crate::frame::{Channel, Channels, Frame, Plane};
 
-/// Shares between the functions of neighbouring channels.
+/// Interpolation shares between the lens functions of neighbouring channels.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ColourFocus {
-    /// s, of red and green.
+    /// s: share from red's function towards green's; if negative, green moves towards red by −s.
     pub red_green: f32,
-    /// t, of blue.
+    /// t: share from blue's function towards green's.
     pub blue: f32,
 }
 
 impl ColourFocus {
     /// Estimates the shares of `photo`, taken through `model`. `None` for grey photos, for JPEGs,
-    /// and where too little of the photo has details.
+    /// and if too little of the photo has details.
     ///
     /// # Panics
     /// When the photo does not have the model's canvas.
     pub fn of(model: &LensModel, photo: &Observation) -> Option<ColourFocus> {
-        // The coding of a JPEG's colours would pass for blur.
+        // A JPEG's colour coding would be mistaken for blur.
         if photo.channels == Channels::Green || photo.sampling.kind() == DataKind::Jpeg {
             return None;
         }
@@ -52,7 +54,7 @@ impl ColourFocus {
         let through = |lens: Channel, of: Channel| {
             let mut seen = Plane::zeros(light.size());
             model.forward(lens, light.plane(of), &mut seen);
-            // Blurred twice, nothing finer than the coarser pixels remains.
+            // After two blurs nothing finer than the coarser pixels remains.
             halve(&seen)
         };
         let places = ColourPlaces::of(photo, model.functions());
@@ -76,7 +78,7 @@ impl ColourFocus {
         })
     }
 
-    /// The functions of a photo, where those measured are `measured`.
+    /// Lens functions of the photo, given the `measured` ones.
     pub fn functions(self, measured: &LensFunctions) -> LensFunctions {
         let [red, green, blue] = measured.taps.each_ref();
         let moved = |own: &[f32], other: &[f32], share: f32| {
@@ -91,7 +93,7 @@ impl ColourFocus {
         LensFunctions { taps, ..*measured }
     }
 
-    /// Broad light of a photo, where that measured is `measured`; not extrapolated.
+    /// Halos of the photo, given the `measured` ones; never extrapolated.
     pub fn halos(self, measured: &[Vec<Halo>; 3]) -> [Vec<Halo>; 3] {
         let [red, green, blue] = measured;
         let mixed = |own: &[Halo], other: &[Halo], share: f32| {
@@ -109,18 +111,18 @@ impl ColourFocus {
         [mixed(red, green, self.red_green), green.clone(), mixed(blue, green, self.blue)]
     }
 
-    /// Bounds on ‖K‖² of [`ColourFocus::functions`], from those of the measured ones.
+    /// Bounds on ‖K‖² of [`ColourFocus::functions`], from those of the `measured` ones.
     pub fn norms_squared(self, measured: &[f32; 3]) -> [f32; 3] {
         self.bounds(measured, |a, b| a.max(*b), |norm, factor| norm * factor.powi(2))
     }
 
-    /// The same for the norms of wavelet levels.
+    /// Bounds on the wavelet-level norms of [`ColourFocus::functions`], from the `measured` ones.
     pub fn level_norms(self, measured: &[LevelNorms; 3]) -> [LevelNorms; 3] {
         self.bounds(measured, LevelNorms::or_larger, LevelNorms::scaled)
     }
 
-    /// The larger of two norms for functions between them, since norms are convex; for those beyond
-    /// their own, its extrapolation.
+    /// Bounds the norm of an interpolated function by the larger of the two norms, since norms are
+    /// convex, and that of an extrapolated function by its own norm, scaled up.
     fn bounds<T: Clone>(
         self,
         [red, green, blue]: &[T; 3],

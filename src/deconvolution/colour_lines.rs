@@ -1,8 +1,8 @@
 //! Regression of one channel on another along a scene's local colour lines.
 //!
-//! Where the colours of a place lie along a line, one channel is y = a x + b of the other, with a
-//! and b of the place. A global share s of a change c, y = a (x + s c) + b, minimises the residual;
-//! its error follows from the scatter over tiles.
+//! Where the local colours lie along a line, one channel is a linear function of the other,
+//! y = a x + b, with local a and b. A global share s of a change c minimises the residual of
+//! y = a (x + s c) + b; its error follows from the scatter over tiles.
 
 use std::f32::consts::PI;
 
@@ -15,43 +15,43 @@ use super::observation::Observation;
 use super::smoothing::{blur, halve, mean_around};
 use crate::frame::{Channel, Plane, Rect, Size};
 
-/// σ of the window of the regression, in widths of the equal blur: of 0.5, 1 and 2 that with the
+/// σ of the regression window, in widths of the equal blur: among 0.5, 1 and 2 the one with the
 /// least scatter (`lab focus`).
 const REACH: f32 = 1.0;
-/// Residual of the regression, as a share of the details' power, up to which a place's channels lie
-/// along a line. Guess.
+/// Maximum residual of the regression, as a share of the details' power, where channels count as
+/// lying along a line. Guess.
 const ALONG_LINE: f32 = 0.1;
-/// Power of details over that of noise below which a place shows nothing. Guess.
+/// Minimum ratio of detail power to noise power for a pixel to be used. Guess.
 const DETAILS: f32 = 4.0;
 /// Columns and rows of tiles. Guess.
 const TILES: (usize, usize) = (16, 12);
-/// Tiles with details below which a photo shows nothing. Guess.
+/// Minimum number of tiles with details for an estimate. Guess.
 const TILES_MIN: usize = 8;
 /// Gauss–Newton steps; the residual is nearly linear in a share.
 const STEPS: usize = 3;
-/// σ of shares before a photo is seen: 5 % of distance, or broad light, change them by 0.1 to 0.2
+/// Prior σ of a share: a distance that differs by 5 %, or broad light, changes shares by 0.1 to 0.2
 /// (`simulated.toml`).
 const EXPECTED: f32 = 0.15;
-/// Error of a share for each RMS of the residual in units of the change by a share of 1, as colours
-/// along no line cause it: the scatter over nine scenes of `truthful.toml`.
+/// Error of a share due to colours that lie along no line, per ratio of the residual's RMS to the
+/// RMS of the change by a share of 1: the scatter over nine scenes of `truthful.toml`.
 const OFF_LINE: f32 = 0.1;
-/// Largest share: beyond, the channels show different things.
+/// Largest plausible share; beyond it the channels show different things.
 const SHARE_MAX: f32 = 0.5;
 
-/// Where a photo shows how its colours lie against each other, at half its resolution.
+/// Pixels of a photo that the regression can use, at half its resolution.
 pub(super) struct ColourPlaces {
     /// The photo without the border that light from outside reaches.
     rect: Rect,
-    /// Positive where saturated data reach; `None` without any.
+    /// Positive within the blur's reach of saturated data; `None` if there are none.
     saturated: Option<Plane>,
-    /// σ of windows, pixels.
+    /// σ of the regression windows, pixels at half resolution.
     reach_px: f32,
-    /// Noise power of a channel blurred twice; results, solved with a prior, have less.
+    /// Noise power of a channel after the second blur, grey levels².
     noise: f32,
 }
 
 impl ColourPlaces {
-    /// The places of `photo`, taken through a lens of `functions`.
+    /// Usable pixels of `photo`, taken through a lens with `functions`.
     pub(super) fn of(photo: &Observation, functions: &LensFunctions) -> ColourPlaces {
         let margin = functions.support_px / 2;
         let Rect { x, y, size } = photo.rect;
@@ -78,7 +78,7 @@ impl ColourPlaces {
         }
     }
 
-    /// The place of each pixel that shows something, with its tile.
+    /// Each pixel (x, y) away from the border and from saturated data, with its tile.
     fn each(&self) -> impl Iterator<Item = (usize, usize, usize)> {
         let Rect { x: left, y: top, size } = self.rect;
         let (columns, rows) = TILES;
@@ -92,15 +92,15 @@ impl ColourPlaces {
     }
 }
 
-/// Two channels at half resolution: `of` lies along lines in `on`, if that is changed by the right
-/// share of `change`.
+/// Two channels at half resolution: `of` is locally a linear function of `on` plus the right share
+/// of `change`.
 pub(super) struct ChannelPair<'a> {
     pub(super) of: &'a Plane,
     pub(super) on: &'a Plane,
     pub(super) change: &'a Plane,
 }
 
-/// Sums of one tile.
+/// Sums over one tile.
 #[derive(Clone, Copy, Default)]
 struct TileSums {
     /// Products of residual and change.
@@ -112,7 +112,7 @@ struct TileSums {
 }
 
 impl ChannelPair<'_> {
-    /// The likeliest share; `None` where too little shows it, or it is implausible.
+    /// Most probable share; `None` if too few tiles have details or the share is implausible.
     pub(super) fn share(&self, places: &ColourPlaces) -> Option<f32> {
         let (mut share, mut error) = (0.0, f32::INFINITY);
         for _ in 0..STEPS {
@@ -133,7 +133,7 @@ impl ChannelPair<'_> {
         (share.abs() <= SHARE_MAX).then_some(likeliest)
     }
 
-    /// The sums of all tiles at `share`, relative to the details' power of each place.
+    /// Sums of all tiles at `share`; each pixel is relative to its local power of details.
     fn tiles(&self, places: &ColourPlaces, share: f32) -> Vec<TileSums> {
         let mut on = self.on.clone();
         on.add_scaled(share, self.change);
@@ -150,7 +150,7 @@ impl ChannelPair<'_> {
             let [of_here, on_here, change_here] = local.details(n);
             let slope = of_on / on;
             let residual = of_here - slope * on_here;
-            // The slope follows the change.
+            // The fitted slope depends on the share, too.
             let change = slope * (change_here - change_on / on * on_here);
             let sums = &mut tiles[tile];
             sums.products += residual * change / of;
@@ -202,14 +202,14 @@ impl<'a> Local<'a> {
         }
     }
 
-    /// The planes less their means.
+    /// Deviations of the planes from their local means.
     fn details(&self, n: usize) -> [f32; 3] {
         [0, 1, 2].map(|k: usize| self.planes[k].data()[n] - self.means[k].data()[n])
     }
 }
 
-/// The median of the tiles' own steps, weighted by their changes: a stamp in one corner does not
-/// count.
+/// Median of the tiles' own steps, weighted by their changes, so that a date stamp in one corner
+/// has no influence.
 fn median_step(tiles: &mut [TileSums]) -> f32 {
     let step = |tile: &TileSums| tile.products / tile.changes;
     tiles.sort_by(|a, b| step(a).total_cmp(&step(b)));

@@ -38,8 +38,8 @@ pub fn rms_over_data(residual: &Plane, trust: &Plane<u8>) -> f32 {
     (residual.dot(residual) / count as f64).sqrt() as f32
 }
 
-/// `inner` placed at `photo` on a canvas, its edge pixels repeated outside: a guess at a scene that
-/// continues. With a black surround use [`place`].
+/// `inner` placed at `photo` on a canvas, with its edge pixels repeated outside, as a guess that
+/// the scene continues. For a black surround use [`place`].
 pub fn place_with_edges(inner: &Plane, canvas: Size, photo: Rect) -> Plane {
     Plane::from_fn(canvas, |x, y| {
         let column = x.saturating_sub(photo.x).min(photo.size.width - 1);
@@ -48,7 +48,7 @@ pub fn place_with_edges(inner: &Plane, canvas: Size, photo: Rect) -> Plane {
     })
 }
 
-/// `inner` placed at `photo` on a canvas of `outside`.
+/// `inner` placed at `photo` on a canvas filled with `outside`.
 pub fn place<T: Copy + Default>(
     inner: &Plane<T>,
     canvas: Size,
@@ -73,7 +73,7 @@ pub fn canvas_of(photo: Size, margin_px: usize) -> (Size, Rect) {
 /// Gaussian noise. A lens's blur leaves nothing else at that scale.
 ///
 /// Source: the difference operator of Immerkær (1996), blind to image structure, with the median of
-/// Donoho & Johnstone (1994) in place of the mean, so that few real edges do not count.
+/// Donoho & Johnstone (1994) in place of the mean, so that a few real edges have no influence.
 pub fn noise_of(photo: &Plane) -> f32 {
     let (width, height) = (photo.width(), photo.height());
     if width < 3 || height < 3 {

@@ -1,8 +1,8 @@
 //! Forward convolution: a picture shown on the panel and captured through the lens (paper §2.1,
 //! Eq. 8).
 //!
-//! Methods hold a `dyn` [`ForwardConvolution`] and nothing else of the rig. It is implemented by
-//! the rig's light path ([`crate::light_path`]) and, for tests, by a lens model.
+//! Methods access the rig only through a `dyn` [`ForwardConvolution`]. It is implemented by the
+//! rig's light path ([`crate::light_path`]) and, for tests, by a lens model.
 
 use super::data_term::TRUSTED;
 use super::panel_beat::ColumnWave;
@@ -46,11 +46,11 @@ pub trait ForwardConvolution {
     /// The failure of the capture, with its remedy.
     fn forward(&mut self, shown: &Frame<Work>) -> Result<Seen, AnyFailure>;
 
-    /// [`forward`](ForwardConvolution::forward) where K̂ of `shown`, which lies in 0..255, is
-    /// `predicted`.
+    /// [`forward`](ForwardConvolution::forward) for a `shown` in 0..255 whose prediction K̂ is
+    /// already known as `predicted`.
     ///
     /// # Errors
-    /// As `forward`.
+    /// The failure of the capture, with its remedy.
     fn forward_predicted(
         &mut self,
         shown: &Frame<Work>,

@@ -19,18 +19,18 @@ use super::lens_model::LensModel;
 use super::wavelet::{Coefficients, Scratch, Sym8};
 use crate::frame::{Channel, Mosaic, Plane};
 
-/// Safety factor on Lanczos estimates, which approach from below; a test checks that the
-/// calibration's rounds come within it.
+/// Safety factor on Lanczos estimates, which converge from below; a test checks that the
+/// calibration's number of rounds comes within it.
 const RAISED: f32 = 1.02;
-/// Minimum norm of a level: bounds the step of one that hardly passes the lens.
+/// Minimum norm of a level; bounds the step size of a level that hardly passes the lens.
 const LEAST: f32 = 1e-3;
-/// Share of a level's norm that remains on pixels binned by two, at most: 0.46 to 0.70 for
-/// Gaussians of σ 1.5 pixels (test).
+/// Largest share of a level's norm that remains on pixels binned by two: 0.46 to 0.70 for Gaussians
+/// of σ 1.5 pixels (test).
 const BINNED_SHARE: f32 = 0.7;
-/// Seed of the initial picture at sites.
+/// Seed of the random initial picture of [`LevelNorms::at_sites`].
 const SITES_SEED: u64 = 18;
 
-/// αⱼ of each level of details, finest first, and of the approximation, last.
+/// Norms αⱼ of the levels of details, finest first, and of the approximation, last.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct LevelNorms(Vec<f32>);
 
@@ -53,7 +53,7 @@ impl LevelNorms {
         Lanczos::new(lens, levels, rounds, seed).norms(levels)
     }
 
-    /// The norms of √w · K at the sites of `mosaic` over the canvas, with w of
+    /// The norms of √w · K at the sites of `mosaic` over the canvas, where w is
     /// [`Mosaic::pixels_a_site`], and ‖√w · K‖².
     pub fn at_sites(
         model: &LensModel,
@@ -68,7 +68,7 @@ impl LevelNorms {
         (norms, RAISED * lanczos.largest(&vec![1.0; levels + 1]))
     }
 
-    /// Bounds of the norms on pixels binned by two, which the finest level does not reach.
+    /// Bounds on the norms of the same lens on pixels binned by two, which have no finest level.
     #[must_use]
     pub fn binned(&self) -> LevelNorms {
         LevelNorms(self.0.iter().skip(1).map(|norm| BINNED_SHARE * norm).collect())
@@ -79,7 +79,7 @@ impl LevelNorms {
         self.0.len().saturating_sub(1)
     }
 
-    /// αⱼ of level `level`, 0 the finest; the approximation's at [`LevelNorms::levels`].
+    /// Norm of `level`, 0 being the finest; the approximation's is at [`LevelNorms::levels`].
     pub fn at(&self, level: usize) -> f32 {
         self.0[level]
     }
@@ -96,7 +96,7 @@ impl LevelNorms {
         LevelNorms(self.0.iter().zip(&other.0).map(|(a, b)| a.max(*b)).collect())
     }
 
-    /// The norms, raised to at least `least` of their level, where there is one.
+    /// Norms raised to the minimum that `least` gives for their level, if any.
     #[must_use]
     pub fn at_least(&self, least: &[f32]) -> LevelNorms {
         let mut raised = self.clone();
@@ -166,8 +166,8 @@ impl<'a> Lanczos<'a> {
     }
 
     /// Largest eigenvalue of S W KᵀK Wᵀ S, where S scales the levels by `scales` (Golub & Van Loan,
-    /// "Matrix Computations", section 10.1). The power method takes several times the rounds, for
-    /// the largest eigenvalues lie close together.
+    /// "Matrix Computations", section 10.1). The power method takes several times the rounds,
+    /// because the largest eigenvalues lie close together.
     fn largest(&mut self, scales: &[f32]) -> f32 {
         let mut random = Xoshiro256PlusPlus::seed_from_u64(self.seed);
         let canvas = self.lens.model.canvas();

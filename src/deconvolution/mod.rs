@@ -7,7 +7,7 @@
 //! | Eq. 3: wavelet term, Symlets 8 | [`wavelet`] |
 //! | Eq. 6: shrinkage | [`wavelet_shrinkage`] |
 //! | Eqs. 4, 5, 7: the loop | [`method`]; steps by [`level_norms`], colours by [`colour_axis`] |
-//! | Eq. 2: data term | [`data_term`]; the photo's data [`observation`], of a JPEG [`jpeg`] |
+//! | Eq. 2: data term | [`data_term`]; a photo's data: [`observation`], a JPEG's: [`jpeg`] |
 //! | (not in the paper: another focus, aperture or gain) | [`focus`] |
 //! | (not in the paper: details and flat places) | [`detail_mask`] |
 

@@ -11,13 +11,16 @@ use crate::frame::{Plane, STRETCH};
 /// Replaces R, G, B by (R+G+B)/√3, (R−B)/√2, (R−2G+B)/√6.
 ///
 /// # Panics
-/// When the planes' sizes differ, which is a bug of the caller; so does [`from_opponent`].
+/// When the planes differ in size, which is a bug of the caller.
 pub fn to_opponent(planes: &mut [Plane; 3]) {
     let [sum, two, six] = weights();
     map_pixels(planes, |[r, g, b]| [sum * (r + g + b), two * (r - b), six * (r - 2.0 * g + b)]);
 }
 
-/// The inverse of [`to_opponent`], which is its transpose.
+/// Inverse of [`to_opponent`], which is its transpose.
+///
+/// # Panics
+/// When the planes differ in size, which is a bug of the caller.
 pub fn from_opponent(planes: &mut [Plane; 3]) {
     let [sum, two, six] = weights();
     map_pixels(planes, |[y, u, v]| {

@@ -16,22 +16,22 @@ use super::data_term::{MISSING, TRUSTED};
 use super::forward_convolution::Seen;
 use crate::frame::{Channel, Frame, Mosaic, Plane, Rect, Work};
 
-/// Maximum parts of the photo along width and height. With half as many, half of a singlet's blue
-/// beat remained, whose phase varies over the field.
+/// Maximum number of parts of the photo along its width and height. With half as many, half of a
+/// singlet's blue beat remained, because its phase varies over the field.
 const PARTS: [usize; 2] = [12, 8];
-/// Minimum columns of parts to follow that phase. Guess.
+/// Minimum number of columns of parts that can follow a phase that varies over the field. Guess.
 const COLUMNS_MIN: usize = 6;
-/// Minimum residual power that a beat explains, in multiples of what its two parameters per part
-/// explain of white noise. Guess: a model's residual is not white.
+/// Minimum residual power that a beat must explain, in multiples of what its two parameters per
+/// part explain of white noise. Guess: a model's residual is not white.
 const CERTAIN: f64 = 10.0;
-/// Maximum amplitude of a beat, as a share of the light: above, the grating is resolved. Guess.
+/// Maximum amplitude of a beat, as a share of the light; above it the grating is resolved. Guess.
 const SHARE_MAX: f64 = 0.5;
-/// Minimum periods per part, as sampled by the channel's sites: below, a beat cannot be
-/// distinguished from an uneven panel. Guess.
+/// Minimum number of periods per part, as sampled by the channel's sites; with fewer, a beat cannot
+/// be distinguished from an uneven panel. Guess.
 const PERIODS_MIN: f32 = 3.0;
 
-/// The wave with one period per panel column, at each pixel of the canvas. The stripes of one
-/// colour beside another's shift its phase, which a fit absorbs.
+/// The wave with one period per panel column, at each pixel of the canvas. Stripes of different
+/// colours differ in phase, which the fit absorbs.
 #[derive(Debug, Clone)]
 pub struct ColumnWave {
     cosine: Plane,
@@ -39,7 +39,7 @@ pub struct ColumnWave {
 }
 
 impl ColumnWave {
-    /// The wave where pixels image `columns`, in panel pixels.
+    /// The wave of a canvas whose pixels image the panel columns `columns`, in panel pixels.
     pub fn of(columns: &Plane) -> ColumnWave {
         let phase = |column: f32| TAU * (column - column.floor());
         ColumnWave {
@@ -48,7 +48,7 @@ impl ColumnWave {
         }
     }
 
-    /// Cosine and sine at a pixel.
+    /// Cosine and sine of the wave at a pixel.
     pub fn at(&self, x: usize, y: usize) -> [f32; 2] {
         [self.cosine.at(x, y), self.sine.at(x, y)]
     }
@@ -86,7 +86,7 @@ struct BeatParts {
     rows: usize,
 }
 
-/// Sums over a part of the normal equations: cc, cs, ss, rc, rs, rr of the modulated predictions c
+/// Sums of the normal equations over a part: cc, cs, ss, rc, rs, rr of the modulated predictions c
 /// and s and the residual r, and the number of pixels.
 type WaveSums = [f64; 7];
 
@@ -122,7 +122,8 @@ impl PanelBeat {
         })
     }
 
-    /// Removes the beat from `light`, a channel in which panel columns make `wave`.
+    /// Removes the beat from `light`, the captured channel, given the `wave` of the panel's
+    /// columns.
     pub fn remove(&self, light: &mut Plane, wave: &ColumnWave) {
         let BeatParts { photo, columns, rows } = self.parts;
         let across = |x: usize| place(x, photo.x, photo.size.width, columns);
@@ -145,14 +146,14 @@ impl PanelBeat {
         });
     }
 
-    /// [a, b] of a part.
+    /// Amplitudes [a, b] of a part.
     fn share(&self, column: usize, row: usize) -> [f32; 2] {
         self.shares[row * self.parts.columns + column].map(|share| share as f32)
     }
 }
 
-/// The part whose centre precedes pixel `at`, of `parts` over `length` pixels from `first`, and the
-/// way from there to the next centre, 0 to 1.
+/// Index of the part whose centre precedes pixel `at`, for `parts` parts over `length` pixels from
+/// `first`, and the fraction of the way from there to the next centre, 0 to 1.
 fn place(at: usize, first: usize, length: usize, parts: usize) -> (usize, f32) {
     let place = (at as f32 + 0.5 - first as f32) / length as f32 * parts as f32 - 0.5;
     let place = place.clamp(0.0, parts as f32 - 1.0);
@@ -160,7 +161,7 @@ fn place(at: usize, first: usize, length: usize, parts: usize) -> (usize, f32) {
     (before, place - before as f32)
 }
 
-/// [a, b] between four parts, `[row][column]`.
+/// Amplitudes [a, b] interpolated between four parts, `[row][column]`.
 #[inline(always)]
 fn interpolated(corners: &[[[f32; 2]; 2]; 2], across: f32, along: f32) -> [f32; 2] {
     let [upper, lower] = corners;
@@ -172,8 +173,8 @@ fn interpolated(corners: &[[[f32; 2]; 2]; 2], across: f32, along: f32) -> [f32; 
 }
 
 impl BeatParts {
-    /// Parts that hold [`PERIODS_MIN`] periods each; `None` where they are too few, as where sites
-    /// are a whole number of panel columns apart.
+    /// Grid of parts of at least [`PERIODS_MIN`] periods each; `None` if it would have too few
+    /// columns, for example if sites are a whole number of panel columns apart.
     fn of(seen: &SeenChannel<'_>) -> Option<BeatParts> {
         let photo = seen.photo;
         let spacing = if seen.at_sites { 2 } else { 1 };

@@ -30,7 +30,7 @@ pub struct PatchGrid {
     patches: Vec<(Rect, usize)>,
 }
 
-/// Number of displayed pictures in which each patch appears once.
+/// Number of pictures that together display each patch once.
 pub const PARITY_CLASSES: usize = 4;
 
 impl PatchGrid {

@@ -11,11 +11,11 @@ use crate::frame::{FULL_SCALE, Plane};
 const RADIUS: usize = 5;
 const WINDOW: usize = 2 * RADIUS + 1;
 
-/// (K₁ · 255)² and (K₂ · 255)².
+/// Stabilising constants (K₁ · 255)² of the means and (K₂ · 255)² of the variances.
 const STABLE_MEAN: f32 = (0.01 * FULL_SCALE) * (0.01 * FULL_SCALE);
 const STABLE_SPREAD: f32 = (0.03 * FULL_SCALE) * (0.03 * FULL_SCALE);
 
-/// Subtracted before squares are taken, so that differences of squares lose less in single
+/// Offset subtracted before squares are taken, so that differences of squares lose less in single
 /// precision.
 const MIDDLE: f32 = FULL_SCALE / 2.0;
 
@@ -23,7 +23,7 @@ const MIDDLE: f32 = FULL_SCALE / 2.0;
 /// the 11×11 window.
 ///
 /// # Panics
-/// When the planes differ in size, which is a bug of the caller. So do the other measures.
+/// When the planes differ in size, which is a bug of the caller.
 pub fn ssim(a: &Plane, b: &Plane) -> f64 {
     assert!(a.size() == b.size(), "two planes to compare have one size");
     let width = a.width();
@@ -31,7 +31,7 @@ pub fn ssim(a: &Plane, b: &Plane) -> f64 {
         return f64::NAN;
     }
     let weights = window();
-    // Window sums down the columns, of: a, b, a², b², ab.
+    // Window sums down the columns, of a, b, a², b² and ab.
     let mut columns = [(); 5].map(|()| vec![0.0f32; width]);
     let mut sums = [(); 5].map(|()| vec![0.0f32; width - 2 * RADIUS]);
     let mut row = vec![0.0f32; width - 2 * RADIUS];
@@ -77,6 +77,9 @@ pub fn ssim(a: &Plane, b: &Plane) -> f64 {
 }
 
 /// Peak signal-to-noise ratio in dB for a full scale of 255; infinite for equal planes.
+///
+/// # Panics
+/// When the planes differ in size, which is a bug of the caller.
 pub fn psnr(a: &Plane, b: &Plane) -> f64 {
     assert!(a.size() == b.size(), "two planes to compare have one size");
     let squares: f64 = a.data().iter().zip(b.data()).map(|(&x, &y)| f64::from(x - y).powi(2)).sum();

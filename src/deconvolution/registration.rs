@@ -8,10 +8,10 @@
 //! means of square cells. Cells half a lens function wide make s a shift of centroids: a lens that
 //! came off its axis throws fine detail aside without moving the centroid of its light.
 //!
-//! Without o, g is the ratio of sums: a lens that scatters more than measured keeps them, and least
-//! squares on P would mistake its veil for less light. Shift and gain count only where they exceed
-//! their own standard error, taken from parts of the photo (the jackknife, Quenouille 1956): errors
-//! of the lens model differ from part to part.
+//! Without o, g is the ratio of the sums of light: a lens that scatters more than measured
+//! preserves them, whereas least squares on P would mistake its veil for less light. Shift and gain
+//! are applied only if significant against their standard error, taken from parts of the photo (the
+//! jackknife, Quenouille 1956), because errors of the lens model differ from part to part.
 
 use nalgebra::{Matrix4, Vector4};
 use rayon::prelude::*;
@@ -23,19 +23,20 @@ use crate::frame::{Channel, Frame, Plane, Rect, Size, Work};
 
 /// Parts of the photo along its width and height.
 const PARTS: (usize, usize) = (6, 4);
-/// Least ratio of a shift or gain to its standard error.
+/// Minimum ratio of a significant shift or gain to its standard error.
 const SIGNIFICANT: f64 = 3.0;
-/// Largest shift of a capture, pixels; a larger one is another fault. Guess.
+/// Largest shift of a capture, pixels; a larger one indicates another fault. Guess.
 const SHIFT_MAX_PX: f64 = 2.5;
-/// Largest change of light by an unsteady backlight; a larger one is another fault and must stay
-/// visible. Guess.
+/// Largest relative change of light by an unsteady backlight; a larger one indicates another fault
+/// and must stay visible. Guess.
 const GAIN_MAX: f64 = 0.01;
-/// Most rounds of least squares; a step below both sizes (pixels, share of the light) ends them.
+/// Maximum rounds of least squares; they end early at a step below both limits that follow, in
+/// pixels and as a share of the light.
 const ROUNDS: usize = 6;
 const ENOUGH_PX: f64 = 5e-4;
 const ENOUGH_GAIN: f64 = 1e-4;
 
-/// A capture beside its prediction.
+/// A capture and its prediction, to be compared.
 pub struct Comparison<'a> {
     /// The captured light.
     pub seen: &'a Frame<Work>,
@@ -58,7 +59,7 @@ pub struct Registration {
     pub gain: f64,
 }
 
-/// [`TRUSTED`] where `trust` has data and `seen` is trusted.
+/// Mask that is [`TRUSTED`] where `trust` has data and `seen` is trusted.
 pub fn common_mask(trust: &Frame<Work, u8>, seen: &Frame<Work, u8>) -> Frame<Work, u8> {
     Frame::from_fn(|c| {
         let mut mask = trust.plane(c).clone();
@@ -73,7 +74,7 @@ impl Registration {
     /// The registration of a capture that equals its prediction.
     pub const IN_PLACE: Registration = Registration { shift_px: (0.0, 0.0), gain: 1.0 };
 
-    /// Fits the significant shift and gain; the lens blurs over `blur_px` pixels.
+    /// Fits shift and gain, each only if it is significant; the lens blurs over `blur_px` pixels.
     pub fn fit(comparison: &Comparison<'_>, blur_px: usize) -> Registration {
         let cell_px = (blur_px / 2).max(1);
         let mut found = Registration::IN_PLACE;
@@ -107,7 +108,8 @@ impl Registration {
         (Registration { shift_px: (found[2] / gain, found[3] / gain), gain }, found[1])
     }
 
-    /// Fits the gain alone, by sums of light; 1 if it differs from 1 by more than `most`.
+    /// Fits the gain alone, as a ratio of sums of light; 1 if that differs from 1 by more
+    /// than `most`.
     pub fn fit_gain(comparison: &Comparison<'_>, most: f64) -> f64 {
         let (mut seen, mut predicted) = (0.0f64, 0.0f64);
         for &c in comparison.channels {
@@ -134,7 +136,7 @@ impl Registration {
         Registration { shift_px, gain: self.gain * step.gain }
     }
 
-    /// Resets shift or gain where they are not significant against the standard `error`.
+    /// Resets shift or gain if it is not significant, given the standard `error`.
     fn significant(self, error: Registration) -> Registration {
         let length = |(x, y): (f64, f64)| x.hypot(y);
         let mut significant = Registration::IN_PLACE;
@@ -233,7 +235,7 @@ impl RegistrationSums {
 }
 
 impl Comparison<'_> {
-    /// The sums of each part of the area, in cells of `cell_px`.
+    /// Sums of each part of the area, over cells of `cell_px` pixels.
     fn parts(&self, cell_px: usize) -> Vec<RegistrationSums> {
         let Rect { x, y, size } = self.area;
         let cells = Size::new(size.width.div_ceil(cell_px), size.height.div_ceil(cell_px));

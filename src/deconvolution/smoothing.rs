@@ -7,7 +7,8 @@ pub(super) fn halve(plane: &Plane) -> Plane {
     of_each_four(plane, |[a, b, c, d]| 0.25 * (a + b + c + d))
 }
 
-/// `of` every 2×2 pixels, row by row; an odd last row or column counts twice.
+/// The result of `of` for every 2×2 pixels, given row by row; an odd last row or column counts
+/// twice.
 pub(super) fn of_each_four(plane: &Plane, of: impl Fn([f32; 4]) -> f32) -> Plane {
     let size = Size::new(plane.width().div_ceil(2), plane.height().div_ceil(2));
     let (right, bottom) = (plane.width().saturating_sub(1), plane.height().saturating_sub(1));
@@ -33,8 +34,8 @@ pub(super) fn blur(plane: &Plane, sigma: f32) -> Plane {
     along_both(plane, &weights, 1.0)
 }
 
-/// The sums of `plane` along rows and then columns, weighted by `weights`, whose middle one is a
-/// pixel's own, each over `divisor`; edge pixels repeat outside.
+/// `plane` convolved along rows and then columns with `weights`, centred on their middle, each sum
+/// divided by `divisor`; edge pixels are repeated outside.
 fn along_both(plane: &Plane, weights: &[f32], divisor: f32) -> Plane {
     let (size, reach) = (plane.size(), weights.len() / 2);
     let near = |at: usize, tap: usize, end: usize| (at + tap).saturating_sub(reach).min(end - 1);
@@ -53,7 +54,7 @@ fn along_both(plane: &Plane, weights: &[f32], divisor: f32) -> Plane {
     both
 }
 
-/// `out` = Σ `weights` · rows / `divisor`, with zeros in `out`.
+/// Sets `out`, which holds zeros, to Σ `weights` · rows / `divisor`.
 fn add_weighted<'a>(
     out: &mut [f32],
     weights: &[f32],
@@ -66,7 +67,7 @@ fn add_weighted<'a>(
     out.iter_mut().for_each(|sum| *sum /= divisor);
 }
 
-/// Means over `reach` pixels to each side, edges repeated.
+/// Mean of the square that reaches `reach` pixels to each side of every pixel, edges repeated.
 pub fn mean_around(plane: &Plane, reach: usize) -> Plane {
     let side = 2 * reach + 1;
     along_both(plane, &vec![1.0; side], side as f32)
@@ -82,8 +83,8 @@ pub fn fill(plane: &mut Plane, mask: &Plane<bool>, rect: Rect) {
     }
 }
 
-/// `values`, those of weight 0 replaced by interpolated means over the smallest squares with a
-/// weight.
+/// `values`, with those of weight 0 replaced by interpolated means over the smallest surrounding
+/// squares that have a weight.
 fn filled(values: &Plane, weights: &Plane) -> Plane {
     let size = values.size();
     if size.area() == 1 || weights.data().iter().all(|&weight| weight > 0.0) {
@@ -94,7 +95,7 @@ fn filled(values: &Plane, weights: &Plane) -> Plane {
     let (mut means, weights_of_four) = (halve(&weighted), halve(weights));
     means.update(&weights_of_four, |mean, w| *mean /= if w > 0.0 { w } else { 1.0 });
     let coarse = filled(&means, &weights_of_four);
-    // Three quarters of the square around a pixel, a quarter of the nearest other one.
+    // Linear interpolation: three quarters of the square around a pixel, a quarter of the next one.
     let near = |at: usize, length: usize| {
         let beside = if at.is_multiple_of(2) { (at / 2).saturating_sub(1) } else { at / 2 + 1 };
         [(at / 2, 0.75), (beside.min(length - 1), 0.25)]

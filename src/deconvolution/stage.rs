@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum ResultStage {
-    /// None: the photo is returned as it is.
+    /// No stage: the photo is returned unchanged.
     Photo,
     /// The solve with the measured lens; captures found nothing to correct, or none was made.
     LensModel,
@@ -15,7 +15,7 @@ pub enum ResultStage {
 }
 
 impl ResultStage {
-    /// Why the result is of this stage, for the user.
+    /// Explanation, for the user, of why the result is of this stage.
     pub const fn reason(self) -> &'static str {
         match self {
             ResultStage::Photo => "the photo is blank: nothing in it rises above its noise",

@@ -15,24 +15,24 @@ use crate::frame::{Channel, Codes, Plane};
 use crate::rig::exposure::Devices;
 use crate::rig::{Exposed, Moment, RigError};
 
-/// Least level of white, of the largest count; below it three of the sensor's bits are lost. Guess.
+/// Least white over the largest count; below it three of the sensor's bits are lost. Guess.
 const WHITE_MIN: f64 = 0.125;
-/// Trials at one delay, for the jitter.
+/// Number of trials at one delay, to measure the jitter.
 const TRIALS: usize = 10;
 /// Longest delay tried after a flip, in refreshes; the step is half a refresh.
 const REFRESHES_MAX: usize = 16;
 /// Least share of white that counts as a change; a backlight's flicker is less.
 const SHARE_MIN: f64 = 0.01;
-/// Most residual white in a settled black frame: half a grey level of 255. A camera's noise on a
-/// mean is far less.
+/// Largest residual share of white in a settled black frame: half a grey level of 255. A camera's
+/// noise on a mean is far less.
 const RESIDUAL_MAX: f64 = 0.002;
-/// Bands of rows measured, for panel and sensor are scanned from top to bottom.
+/// Number of bands of rows measured, since panel and sensor are scanned from top to bottom.
 const BANDS: usize = 5;
-/// Least light of a band that sees the panel, relative to the brightest band. Guess.
+/// Least light of a band that counts as seeing the panel, relative to the brightest band. Guess.
 const LIT_SHARE: f64 = 0.2;
-/// Delays in a row at which the picture must be settled: two refreshes, for a slow second change.
+/// Consecutive settled delays that end the trials: two refreshes, for a slow second change.
 const SETTLED_POINTS: usize = 5;
-/// `rig` with a settle time long enough to measure black and white, since its own may be wrong.
+/// `rig` with a settle time long enough to measure black and white, since its own may be too short.
 pub fn patient(rig: &RigFile) -> RigFile {
     let mut rig = rig.clone();
     let longest_ms = REFRESHES_MAX as f64 * 1e3 / rig.panel.refresh_hz;
@@ -40,27 +40,27 @@ pub fn patient(rig: &RigFile) -> RigFile {
     rig
 }
 
-/// The measured timing.
+/// Measured timing of a rig.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MeasuredTiming {
-    /// From the flip to the first change on the panel.
+    /// Time from the flip to the first change on the panel.
     pub latency_ms: f64,
-    /// Its standard deviation over the trials.
+    /// Standard deviation of the latency over the trials.
     pub jitter_ms: f64,
-    /// From the flip to a settled picture.
+    /// Time from the flip to a settled picture; infinite if the panel did not settle.
     pub settle_ms: f64,
     /// Refresh interval of the rig file.
     pub interval_ms: f64,
     /// Settle time of the rig file.
     pub file_settle_ms: f64,
-    /// Level of white, of the largest count, 0..1.
+    /// Level of white as a share of the largest count, 0..1.
     pub white_share: f64,
 }
 
-/// Measures the timing of `rig`, opened by [`patient`] of `file`.
+/// Measures the timing of `rig`, the devices opened for [`patient`]`(file)`.
 ///
 /// # Errors
-/// When a device fails, or black and white are alike.
+/// When a device fails, or black and white can hardly be told apart.
 pub fn measure(rig: &mut Devices, file: &RigFile) -> Result<MeasuredTiming, RigError> {
     let interval_ms = 1e3 / file.panel.refresh_hz;
     let (file_settle_ms, long_ms) = (file.panel.settle_ms, rig.timing.settle_ms);
@@ -88,7 +88,7 @@ pub fn measure(rig: &mut Devices, file: &RigFile) -> Result<MeasuredTiming, RigE
     let begun = begun.map_or(0.0, |trial| trial.delay_ms);
     let mut latencies = Vec::new();
     for _ in 0..TRIALS {
-        // The share of white is the part of the exposure after the change.
+        // The share of white is the part of the exposure that follows the change.
         let share = white_at(rig, begun, &ends)?[BANDS / 2].unwrap_or(0.0);
         latencies.push((begun + exposure_ms * (1.0 - share)).max(0.0));
     }
@@ -105,7 +105,7 @@ pub fn measure(rig: &mut Devices, file: &RigFile) -> Result<MeasuredTiming, RigE
     })
 }
 
-/// Mean levels of the bands in the middle, from top to bottom.
+/// Mean green counts of the bands from top to bottom, over the middle quarter of the columns.
 type Levels = [f64; BANDS];
 
 /// Levels of settled black and white.
@@ -115,7 +115,7 @@ struct Ends {
 }
 
 impl Ends {
-    /// Shares of white in `levels`, for the bands that see the panel.
+    /// Shares of white in `levels`; `None` for the bands that do not see the panel.
     fn shares(&self, levels: &Levels) -> [Option<f64>; BANDS] {
         let light = |n: usize| self.white[n] - self.black[n];
         let brightest = (0..BANDS).map(light).fold(0.0, f64::max);
@@ -129,9 +129,9 @@ impl Ends {
 /// Shares of white in exposures begun `delay_ms` after a flip.
 struct BothFlips {
     delay_ms: f64,
-    /// After a flip to white.
+    /// Shares of white after the flip from black to white.
     white: [Option<f64>; BANDS],
-    /// After a flip to black.
+    /// Shares of white after the flip from white to black.
     residual: [Option<f64>; BANDS],
 }
 
@@ -140,21 +140,21 @@ impl BothFlips {
         self.white[BANDS / 2].unwrap_or(0.0)
     }
 
-    /// Whether nothing of the old picture remains.
+    /// Whether no trace of the old picture remains.
     fn is_settled(&self) -> bool {
         self.white.iter().flatten().all(|share| (share - 1.0).abs() < SHARE_MIN)
             && self.residual.iter().flatten().all(|share| share.abs() < RESIDUAL_MAX)
     }
 }
 
-/// The levels `settle_ms` after showing `code`.
+/// Levels in an exposure begun `settle_ms` after showing `code`.
 fn after(rig: &mut Devices, code: u8, settle_ms: f64) -> Result<Levels, RigError> {
     let codes = Codes::filled(rig.panel.size(), code);
     let flip = rig.panel.show(&codes)?;
     levels_at(rig, Moment(flip.at.0 + settle_ms / 1e3))
 }
 
-/// The levels in an exposure begun at `moment`, or a later one if that frame is lost.
+/// Levels in an exposure begun at `moment`, or in a later one if that frame is lost.
 fn levels_at(rig: &mut Devices, moment: Moment) -> Result<Levels, RigError> {
     let exposed = exposed_at(rig, moment)?;
     let plane = exposed.counts.plane(Channel::Green);
@@ -173,7 +173,7 @@ fn mean(plane: &Plane<u16>, rows: Range<usize>, columns: Range<usize>) -> f64 {
     sum / f64::max(count, 1.0)
 }
 
-/// An exposure begun at `moment`, or a later one if that frame is lost.
+/// The exposure begun at `moment`, or a later one if its frame is lost.
 fn exposed_at(rig: &mut Devices, moment: Moment) -> Result<Exposed, RigError> {
     rig.clock.wait_until(moment);
     let fired = rig.pulse()?;
@@ -197,7 +197,7 @@ fn white_at(
     Ok(ends.shares(&after(rig, 255, delay_ms)?))
 }
 
-/// Measures both flips.
+/// Measures the shares of white `delay_ms` after each of the two flips.
 fn trial(rig: &mut Devices, delay_ms: f64, ends: &Ends) -> Result<BothFlips, RigError> {
     let white = white_at(rig, delay_ms, ends)?;
     rig.clock.wait_until(Moment(rig.clock.now().0 + rig.timing.settle_ms / 1e3));
@@ -211,7 +211,7 @@ impl MeasuredTiming {
         (self.settle_ms + self.interval_ms / 2.0).ceil()
     }
 
-    /// The faults and their remedies, a sentence each.
+    /// The faults found, one sentence each, with their remedies.
     pub fn faults(&self) -> Vec<String> {
         let mut all = Vec::new();
         if !self.settle_ms.is_finite() {
@@ -275,8 +275,8 @@ mod tests {
         let config = config::parse(&text, "small.toml").unwrap_or_else(|e| panic!("{e}"));
         let mut devices = rig::open(&patient(&config)).unwrap_or_else(|e| panic!("{e}"));
         let timing = measure(&mut devices, &config).unwrap_or_else(|e| panic!("{e}"));
-        // Two refreshes of latency, then an exponential of 5 ms. The linear estimate counts the
-        // response time as latency. The lowest rows are written a refresh later than the topmost.
+        // Two refreshes of latency, then an exponential approach of 5 ms. The linear estimate
+        // counts the response time as latency.
         assert!((33.0..=40.0).contains(&timing.latency_ms), "{timing}");
         assert!((50.0..=90.0).contains(&timing.settle_ms), "{timing}");
         assert!(timing.jitter_ms < 1.0, "{timing}");
@@ -300,7 +300,7 @@ mod tests {
             settle_ms: 50.0,
             interval_ms: 16.7,
             file_settle_ms: 100.0,
-            // Ten bits in the lowest of sixteen.
+            // Counts of a ten-bit sensor, taken for sixteen bits.
             white_share: 1.0 / 64.0,
         };
         let faults = timing.faults();

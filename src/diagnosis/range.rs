@@ -1,4 +1,4 @@
-//! Measurement of a panel's range: whether the lowest and the highest codes differ.
+//! Measurement of a panel's range: whether codes near its lower and its upper end differ.
 
 use std::fmt;
 
@@ -8,27 +8,27 @@ use crate::frame::{Channel, Codes, Plane};
 use crate::rig::exposure::Devices;
 use crate::rig::{Moment, RigError};
 
-/// Contrast of codes at the ends of the panel's range, in shares of that of black and white. A
-/// monitor that takes full-range codes for limited ones shows the lowest and the highest 16 alike.
+/// Contrasts of codes at the ends of the panel's range, relative to black and white. A monitor that
+/// takes full-range codes for limited ones shows the lowest 16 and the highest 16 alike.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MeasuredRange {
-    /// Between 0 and 16: 0.0023 at gamma 2.2.
+    /// Contrast of codes 0 and 16: 0.0023 at gamma 2.2.
     pub dark: f64,
-    /// Between 239 and 255: 0.13 at gamma 2.2.
+    /// Contrast of codes 239 and 255: 0.13 at gamma 2.2.
     pub light: f64,
-    /// Between black and white, in counts.
+    /// Contrast of black and white, in counts.
     pub span: f64,
     /// Whether white saturates the camera, which hides the upper end.
     pub is_saturated: bool,
 }
 
-/// Least contrasts: a quarter of those at gamma 2.2, which gammas of 1.8 to 2.6 exceed. Guess.
+/// Least contrasts: a quarter of those at gamma 2.2; gammas of 1.8 to 2.6 exceed them. Guess.
 const CONTRAST_MIN: [f64; 2] = [0.0006, 0.033];
-/// Least span for judging the lower end, whose contrast is then a count. Computed.
+/// Least span at which the lower end is judged: its contrast is then one count. Computed.
 const SPAN_MIN: f64 = 440.0;
 
-/// Measures the contrast of neighbouring codes, side by side and exchanged, so that neither
-/// shading nor a backlight that follows the picture counts.
+/// Measures the contrasts of neighbouring codes. They are shown side by side and then exchanged, so
+/// that neither shading nor a backlight that follows the picture affects the result.
 ///
 /// # Errors
 /// When a device fails.
@@ -47,7 +47,7 @@ pub fn measure_range(rig: &mut Devices, file: &RigFile) -> Result<MeasuredRange,
     Ok(MeasuredRange { dark: share(dark), light: share(light), span, is_saturated })
 }
 
-/// Levels of the sensor's quarters, with two codes side by side on the panel.
+/// Levels of the sensor's quarters while the panel shows two codes side by side.
 fn quarters(rig: &mut Devices, (left, right): (u8, u8)) -> Result<[f64; 4], RigError> {
     let size = rig.panel.size();
     let side = |x: usize, _: usize| if x < size.width / 2 { left } else { right };

@@ -8,11 +8,11 @@ use rustix::io::Errno;
 
 use crate::remedy::{Remediable, Remedy};
 
-/// "Operation not permitted" (errno(3)): not a matter of mode bits.
+/// "Operation not permitted" (errno(3)): an error that mode bits do not explain.
 const EPERM: i32 = Errno::PERM.raw_os_error();
 /// Mode bit of folders in which only the owner may move a file (chmod(1)).
 const STICKY: u32 = 0o1000;
-/// What a disk or network share that went away gives (errno(3)).
+/// Errors of a disk or network share that went away (errno(3)).
 const GONE: [Errno; 8] = [
     Errno::NODEV,
     Errno::NXIO,
@@ -62,7 +62,7 @@ impl FileError {
             || GONE.iter().any(is_gone)
     }
 
-    /// Replaces the path by that where the file is now.
+    /// Replaces the path by the present path of the file.
     #[must_use]
     pub fn with_path(self, path: PathBuf) -> FileError {
         FileError { path, ..self }
@@ -113,7 +113,7 @@ impl FileError {
     }
 }
 
-/// What was `looked` for; `None` where it does not exist.
+/// Turns a `NotFound` error of `looked` into `None`.
 pub fn if_found<T>(looked: Result<T, FileError>) -> Result<Option<T>, FileError> {
     match looked {
         Err(error) if error.kind() == ErrorKind::NotFound => Ok(None),

@@ -120,7 +120,7 @@ impl Files {
         }
     }
 
-    /// Moves `from` to `to`, which must not exist, also to another file system.
+    /// Moves `from` to `to`, which must not exist, even to another file system.
     ///
     /// # Errors
     /// `AlreadyExists`, or any error of the disk; nothing has changed then.
@@ -181,7 +181,7 @@ impl Files {
             let _ = self.0.remove(&temporary);
             FileError::at("write", &path)(error)
         })?;
-        // Left there, it would be a second copy beside that of the next attempt.
+        // If the file stayed, the next attempt would write a second copy beside it.
         self.sync_folder(folder).inspect_err(|_| drop(self.0.remove(&path)))
     }
 
@@ -197,14 +197,15 @@ impl Files {
         self.sync_folder(folder_of(path))
     }
 
-    /// Replaces the file `path` by `bytes`, atomically for readers, undefined after a power cut:
-    /// for files rewritten at every start. Spares the memory card until the system writes back.
+    /// Replaces the file `path` by `bytes`, atomically for readers, but with undefined content
+    /// after a power cut: for files that are rewritten at every start. Nothing is synchronised,
+    /// which saves writes to the memory card.
     pub fn replace_for_now(&self, path: &Path, bytes: &[u8]) -> Result<(), FileError> {
         self.replace_by(path, bytes, |_| Ok(()))
     }
 
-    /// Moves `from` to `folder/name`, numbered when that exists, and returns the new path. The move
-    /// is durable once [`Files::sync_folder`] was called for either folder.
+    /// Moves `from` to `folder/name`, numbered if that name is taken, and returns the new path. The
+    /// move is durable once [`Files::sync_folder`] was called for either folder.
     ///
     /// # Errors
     /// Any error of the disk; the file has not moved then.
@@ -212,8 +213,8 @@ impl Files {
         self.move_by(&|from, to| self.0.rename_new(from, to), from, folder, name)
     }
 
-    /// Moves `from` to `folder/name`, where only this process makes files in `folder`: in one step
-    /// on every disk, also where a rename may overwrite (NFS).
+    /// [`Files::move_to`] for a `folder` in which only this process makes files. A rename that may
+    /// overwrite suffices there, and every disk does it in one step, even NFS.
     pub fn move_to_own(
         &self,
         from: &Path,
@@ -242,9 +243,9 @@ impl Files {
         })
     }
 
-    /// Makes a file in `folder` by `make`, which gets `name` or the first of its numbered variants
-    /// that `is_taken` does not find among the names there; the next one where the name was taken
-    /// since.
+    /// Makes a file in `folder` by calling `make` with `name`, or with its first numbered variant
+    /// that `is_taken` does not find among the names there. If the name has been taken meanwhile,
+    /// the next variant is tried.
     pub fn with_free_name<T>(
         &self,
         folder: &Path,
@@ -280,7 +281,8 @@ impl Files {
         Ok(())
     }
 
-    /// Writes a temporary file beside `path`, which errors name: its own name is another each time.
+    /// Writes a temporary file beside `path`. Errors name `path`, because the temporary name is a
+    /// new one each time.
     fn write_temporary(
         &self,
         path: &Path,
@@ -323,18 +325,18 @@ pub fn json_in_lines(value: &impl Serialize, path: &Path) -> Result<Vec<u8>, Fil
     serde_json::to_vec_pretty(value).map_err(|e| FileError::at("write", path)(e.into()))
 }
 
-/// Names in a folder, compared without case and in one form of composed letters: on some shares and
-/// computers `A.jpg` would hide `a.jpg`, and `é` in two letters that in one.
+/// Names in a folder, compared without case and in composed form (NFC): on some shares and
+/// computers `A.jpg` hides `a.jpg`, and a composed `é` hides a decomposed one.
 pub struct TakenNames(HashSet<Vec<u8>>);
 
 impl TakenNames {
-    /// Whether `name` is one of them.
+    /// Whether `name` is taken.
     pub fn holds(&self, name: &OsStr) -> bool {
         self.0.contains(&folded(name))
     }
 }
 
-/// `name` composed (NFC) and in lower case; in bytes that are not UTF-8, only ASCII letters.
+/// `name` composed (NFC) and in lower case; if it is not UTF-8, only ASCII letters are lowered.
 fn folded(name: &OsStr) -> Vec<u8> {
     match name.to_str() {
         Some(text) if text.is_ascii() => text.to_ascii_lowercase().into_bytes(),
@@ -352,7 +354,7 @@ pub fn numbered(name: &OsStr) -> impl Iterator<Item = OsString> + use<> {
 fn with_number(name: &OsStr, number: u32) -> OsString {
     let suffix = if number > 1 { format!("-{number}") } else { String::new() };
     let extension = Path::new(name).extension().map(OsStr::as_bytes).unwrap_or_default();
-    // A longer extension than any real one is part of the stem.
+    // An extension longer than any real one is treated as part of the stem.
     let extension = if extension.len() > 16 { &[] } else { extension };
     let mut stem = match extension.is_empty() {
         true => name.as_bytes().to_vec(),
@@ -376,8 +378,8 @@ fn with_number(name: &OsStr, number: u32) -> OsString {
     OsString::from_vec(stem)
 }
 
-/// A path unique among processes: those in different containers may share a process number, so a
-/// random number is part of it.
+/// A path for a temporary file in `folder`, unique among processes. It contains a random number,
+/// because processes in different containers may share a process number.
 fn temporary_in(folder: &Path) -> PathBuf {
     static NEXT: AtomicU32 = AtomicU32::new(0);
     // From the seed of the standard library's hash maps.

@@ -19,11 +19,11 @@ use rustix::io::Errno;
 
 use super::{Disk, FileKind, Metadata, Unsynced};
 
-/// Attempts of an openat2 disturbed by a rename (EAGAIN). Guess.
+/// Most attempts at an openat2(2) that a rename disturbs (EAGAIN). Guess.
 const TRIES_MAX: usize = 16;
 
-/// Fewest free inodes that count as room: a photo's result takes eight, and a photo that is taken
-/// without room for them is restored in vain. Guess.
+/// Fewest free inodes of a disk that counts as having room: a photo's result takes eight, and
+/// without them the photo would be restored in vain. Guess.
 const INODES_MIN: u64 = 32;
 
 /// The disk beneath a few anchor folders.
@@ -69,7 +69,7 @@ impl LocalDisk {
         let flags = OFlags::RDONLY | OFlags::DIRECTORY | OFlags::CLOEXEC;
         let AnchorFolder { path, is_mount } = anchor;
         let anchor = openat(CWD, path, flags, Mode::empty())?;
-        // Beneath a mount that vanished lies an empty folder of the disk around it.
+        // Where a mount has vanished, the path leads to an empty folder of the disk around it.
         if *is_mount
             && path.parent().and_then(|above| disk_of(above).ok()) == Some(fstat(&anchor)?.st_dev)
         {
@@ -91,7 +91,7 @@ impl LocalDisk {
     }
 }
 
-/// The error of a disk with room for bytes and hardly any for names.
+/// The error of a disk that has room for bytes but hardly any for names.
 fn no_inodes(found: u64) -> io::Error {
     let words = format!(
         "the disk has room for bytes but not for more files: found {found} free inodes, allowed \
@@ -119,7 +119,7 @@ fn open_beneath(anchor: &OwnedFd, path: &Path, flags: OFlags) -> rustix::io::Res
     Err(Errno::AGAIN)
 }
 
-/// [`open_beneath`] one folder at a time.
+/// [`open_beneath`] without openat2(2): opens one folder at a time.
 fn open_by_steps(anchor: &OwnedFd, path: &Path, flags: OFlags) -> rustix::io::Result<OwnedFd> {
     let mut names = path.iter().peekable();
     let mut at = anchor.try_clone().map_err(|_| Errno::MFILE)?;
@@ -149,7 +149,7 @@ fn rename_by_steps(
             done => return done,
         },
         Err(Errno::EXIST) => return Err(Errno::EXIST),
-        // No hard links either: check first, which suffices while one daemon uses the folder.
+        // Without hard links, check first, which suffices while one daemon uses the folder.
         Err(_) => {}
     }
     match statat(target, to, AtFlags::SYMLINK_NOFOLLOW) {
@@ -236,7 +236,7 @@ impl Disk for LocalDisk {
     }
 
     fn make_folder(&self, folder: &Path) -> io::Result<()> {
-        // What is above an anchor may lie beneath none.
+        // The folder above an anchor may lie outside all anchors, so it cannot be looked up.
         if self.anchors.iter().any(|anchor| anchor.path == folder) && self.folder(folder).is_ok() {
             return Ok(());
         }

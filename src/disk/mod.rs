@@ -2,9 +2,9 @@
 //! operations, to fill the disk, or to remove it.
 //!
 //! The guarantees of the drop folder and of the calibration slots rest on these properties, which
-//! journalling POSIX file systems have (ext4, f2fs, xfs, btrfs) and FAT has not:
+//! journalling POSIX file systems (ext4, f2fs, xfs, btrfs) have and FAT does not:
 //!
-//! - a rename is atomic, also between folders;
+//! - a rename is atomic, even between folders;
 //! - a file's content is durable once [`Unsynced::sync`] has returned;
 //! - a name made, changed or removed is durable once [`Disk::sync_folder`] has returned for one of
 //!   the folders concerned.
@@ -37,8 +37,8 @@ pub enum FileKind {
     Other,
 }
 
-/// Metadata of a file, which changes while it is written. Size alone would not do: some copying
-/// programs set it first.
+/// Metadata of a file, compared to see whether the file is still being written. Size alone would
+/// not do: some copying programs set it first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Metadata {
     /// Type.
@@ -54,13 +54,13 @@ pub struct Metadata {
     pub inode: u64,
 }
 
-/// A file written and not yet durable.
+/// A file that is written but not yet durable.
 pub trait Unsynced {
     /// Returns once the content is durable. After an error the file must be written anew: the
     /// kernel has dropped the pages, and a repeated call would report success.
     ///
     /// # Errors
-    /// When it may not be durable.
+    /// If the content may not be durable.
     fn sync(self: Box<Self>) -> io::Result<()>;
 }
 

@@ -67,7 +67,7 @@ impl Trigger for SimulatedLight {
     }
 }
 
-/// A frame of sites in ten bits, the lowest first.
+/// Packs the sites of a frame as 10-bit values, lowest bits first.
 fn packed(counts: &Counts) -> Vec<u8> {
     let size = counts.size();
     let (mut bytes, mut held, mut bits) = (Vec::new(), 0u32, 0);

@@ -1,4 +1,4 @@
-//! Pictures delivered by bands of rows: whole frames, and those solved on a coarser grid.
+//! Delivery of results in bands of rows, for whole frames and for photos solved on a coarser grid.
 
 use std::borrow::Cow;
 use std::ops::Range;
@@ -9,17 +9,18 @@ use super::{Channel, Channels, Frame, Rect, Size, Work};
 /// Rows of a band. Guess: 128 rows of 50 megapixels take 12 MiB as light.
 const BAND_ROWS: usize = 128;
 
-/// The rows of all bands of a picture of `height` rows.
+/// Row ranges of the bands of a picture of `height` rows.
 pub fn bands_of(height: usize) -> impl Iterator<Item = Range<usize>> {
     (0..height).step_by(BAND_ROWS).map(move |y| y..(y + BAND_ROWS).min(height))
 }
 
-/// A photo solved on a coarser grid: what its own pixels need beside their light.
+/// Result on a coarser grid, with what is needed to deliver it in the photo's own pixels.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CoarseResult {
-    /// Means of the result and of the photo, corrected for their enlargement.
+    /// Result and photo on the coarser grid, both corrected for the softening by their enlargement.
     pub means: [Frame<Work>; 2],
-    /// Differences of the photo from its means that are taken for noise, in each channel.
+    /// Threshold of each channel, grey levels: smaller differences of the photo from its enlarged
+    /// means are taken for noise.
     pub thresholds: [f32; 3],
     /// The channels that were solved.
     pub channels: Channels,
@@ -30,14 +31,14 @@ pub struct CoarseResult {
 /// A result at the size of its photo.
 #[derive(Debug, Clone, Copy)]
 pub struct DeliveredPicture<'a> {
-    /// The result, or the photo where it is `coarse`.
+    /// The result itself, or the photo if `coarse` is given.
     pub light: &'a Frame<Work>,
-    /// What a photo solved on a coarser grid needs.
+    /// The result of a photo that was solved on a coarser grid.
     pub coarse: Option<&'a CoarseResult>,
 }
 
 impl<'a> DeliveredPicture<'a> {
-    /// All of it.
+    /// The whole picture.
     pub fn whole(&self) -> Cow<'a, Frame<Work>> {
         let Some(coarse) = self.coarse else { return Cow::Borrowed(self.light) };
         let size = self.size();
@@ -57,7 +58,7 @@ impl<'a> DeliveredPicture<'a> {
         self.light.size()
     }
 
-    /// Its `rows`, which must lie inside.
+    /// The `rows` of the picture, which must lie inside it.
     pub fn band(&self, rows: Range<usize>) -> Frame<Work> {
         match self.coarse {
             Some(coarse) => coarse.band(self.light, rows),
@@ -78,8 +79,8 @@ fn rows_of(light: &Frame<Work>, rows: Range<usize>) -> Frame<Work> {
 }
 
 impl CoarseResult {
-    /// The result enlarged, with what of the `photo` is finer than the means and stands out of the
-    /// noise, as the edges of a date stamp do.
+    /// The enlarged result, to which details of the `photo` are added that are finer than the means
+    /// and exceed the noise, such as the edges of a date stamp.
     fn band(&self, photo: &Frame<Work>, rows: Range<usize>) -> Frame<Work> {
         let (size, mut own) = (photo.size(), rows_of(photo, rows.clone()));
         let mut solved = rows.clone();

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use super::resample::resize;
 use super::{Plane, Size};
 
-/// Pixels beside a square whose values colour interpolation carries into it.
+/// Pixels beside a square that colour interpolation carries into it.
 const REACH_PX: usize = 1;
 
 fn size_of<T: Copy + Default>(plane: &Plane<T>, by: usize) -> Size {
@@ -13,7 +13,7 @@ fn size_of<T: Copy + Default>(plane: &Plane<T>, by: usize) -> Size {
 }
 
 /// Means of `plane` over squares of `by` pixels a side; rows and columns beyond the last whole
-/// square do not count.
+/// square are ignored.
 pub fn bin<T: Copy + Default + Into<f32> + Sync>(plane: &Plane<T>, by: usize) -> Plane {
     let mut means = Plane::zeros(size_of(plane, by));
     let (width, share) = (means.width().max(1), 1.0 / (by * by) as f32);
@@ -28,7 +28,7 @@ pub fn bin<T: Copy + Default + Into<f32> + Sync>(plane: &Plane<T>, by: usize) ->
     means
 }
 
-/// Whether any pixel in or beside each square of [`bin`] `is`.
+/// For each square of [`bin`], whether `is` holds for any pixel inside or right beside it.
 pub fn is_any<T: Copy + Default + Sync>(
     plane: &Plane<T>,
     by: usize,
@@ -50,13 +50,13 @@ pub fn is_any<T: Copy + Default + Sync>(
 }
 
 /// `means` enlarged to `size`, a multiple of theirs, so that [`bin`] nearly undoes it. Bicubic
-/// interpolation softens means again: corrected once by the difference it gains 0.4 dB and 0.007
-/// SSIM on `truthful.toml` with half its pitch, corrected again next to nothing.
+/// interpolation softens the means; correcting them by the difference once gains 0.4 dB and 0.007
+/// SSIM on `truthful.toml` with half its pitch, a second time next to nothing.
 pub fn enlarged(means: &Plane, size: Size) -> Plane {
     resize(&corrected(means, size), size)
 }
 
-/// The `means` that [`enlarged`] resizes.
+/// The `means`, corrected for their softening, that [`enlarged`] resizes.
 pub fn corrected(means: &Plane, size: Size) -> Plane {
     let by = size.width / means.width().max(1);
     let mut corrected = means.clone();

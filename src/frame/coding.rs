@@ -37,8 +37,8 @@ pub struct CodedComponent {
 }
 
 impl Coding {
-    /// Columns and rows of blocks of a component with `pixels` per sample, in a picture of `size`
-    /// with units of `densest` blocks of the first component.
+    /// Numbers of block columns and rows of a component with `pixels` per sample, in a picture of
+    /// `size` whose units hold `densest` blocks of the first component.
     pub fn blocks(size: Size, densest: (u8, u8), pixels: (u8, u8)) -> Size {
         let count = |side: usize, densest: u8, pixels: u8| {
             let (densest, pixels) = (usize::from(densest), usize::from(pixels).max(1));

@@ -1,6 +1,6 @@
-//! The vocabulary: planes of numbers, frames of three channels, and the spaces they live in.
+//! Basic types: planes of numbers, frames of three channels, and the spaces they belong to.
 //!
-//! Three spaces, and they are types that do not mix: [`PanelSpace`] (panel pixels, 8-bit codes),
+//! The three spaces are types that do not mix: [`PanelSpace`] (panel pixels, 8-bit codes),
 //! [`SensorSpace`] (camera pixels, raw counts) and [`Work`] (the photo's own grid, linear light,
 //! 0..255 full scale as in the paper). Every plane is row-major, height × width.
 

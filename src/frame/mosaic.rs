@@ -37,8 +37,9 @@ impl RawSites {
         RawSites { mosaic, counts_per_level, noise: None }
     }
 
-    /// The same sites in a camera's own unit, of `counts_per_level`: files shift a sensor's 10 bits
-    /// to 16, so units differ by a power of two; the rest is the file's white.
+    /// The same sites in a camera's own unit of `counts_per_level`. Files shift a sensor's 10 bits
+    /// to 16, so the units differ by a power of two; the remaining factor is kept, as it is due to
+    /// the file's white.
     #[must_use]
     pub fn in_units_of(self, counts_per_level: f32) -> RawSites {
         let shift = (self.counts_per_level / counts_per_level).log2().round();
@@ -89,7 +90,7 @@ impl Mosaic {
     }
 
     /// Bilinear demosaicing: each channel's missing pixels are the mean of its sites among the
-    /// eight neighbours. For initial values and display; data are the sites.
+    /// eight neighbours. Used for initial values and display; the data are the sites.
     pub fn interpolated<S>(self, sites: &Plane) -> Frame<S> {
         Frame::from_fn(|channel| self.filled(channel, sites))
     }
@@ -168,8 +169,8 @@ impl Mosaic {
         }
     }
 
-    /// The mosaic of a camera's raw pixel format by its four-character code, or its name in the
-    /// Pixel Format Naming Convention; `None` if not raw.
+    /// The mosaic of a camera's raw pixel format, given by its four-character code or its name in
+    /// the Pixel Format Naming Convention; `None` if the format is not raw.
     pub fn of_format(code: &str) -> Option<Mosaic> {
         let code = code.strip_prefix("Bayer").and_then(|rest| rest.get(..2)).unwrap_or(code);
         match code {
@@ -192,14 +193,15 @@ impl Mosaic {
 /// Reach of Lanczos's kernel of three lobes between sites two pixels apart.
 const LOBES_PX: usize = 5;
 
-/// Place in a line of `length` values, mirrored at its ends, of the one at `at` − [`LOBES_PX`].
+/// Index of position `at` − [`LOBES_PX`] in a line of `length` values that is mirrored at its ends.
 fn mirrored(at: usize, length: usize) -> usize {
     let at = at.abs_diff(LOBES_PX);
     if at < length { at } else { (2 * (length - 1)).saturating_sub(at) }
 }
 
-/// Adds to `out`, zeros, the lines around it weighted by Lanczos's kernel of three lobes; every
-/// second value is 0, and `line`(n) lies n − [`LOBES_PX`] pixels from `out`.
+/// Adds to `out`, which holds zeros, the lines around it weighted by Lanczos's kernel of three
+/// lobes for sites two pixels apart, with zeros between. `line`(n) lies n − [`LOBES_PX`] pixels
+/// from `out`.
 fn by_lanczos<'a>(out: &mut [f32], line: impl Fn(usize) -> &'a [f32]) {
     /// The kernel at ½, 1½ and 2½ between sites, normalised; it is 0 at all other sites.
     const WEIGHTS: [f32; 3] = [0.6114, -0.1359, 0.0245];

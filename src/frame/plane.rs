@@ -43,8 +43,8 @@ pub struct Rect {
 }
 
 impl Rect {
-    /// Its parts in a grid of `columns` × `rows`, row by row; their sides differ by a pixel at
-    /// most.
+    /// Splits the rectangle into `columns` × `rows` parts, row by row, whose sides differ by at
+    /// most a pixel.
     pub fn parts(self, columns: usize, rows: usize) -> impl Iterator<Item = Rect> {
         let part = |n: usize, of: usize, length: usize| n * length / of..(n + 1) * length / of;
         (0..columns * rows).map(move |n| {
@@ -55,7 +55,7 @@ impl Rect {
         })
     }
 
-    /// Whether all of `part` is in it.
+    /// Whether `part` lies wholly inside this rectangle.
     pub fn contains(self, part: Rect) -> bool {
         let within = |inner: Range<usize>, outer: Range<usize>| {
             inner.start >= outer.start && inner.end <= outer.end
@@ -63,12 +63,12 @@ impl Rect {
         within(part.columns(), self.columns()) && within(part.rows(), self.rows())
     }
 
-    /// Its columns.
+    /// Range of columns.
     pub fn columns(self) -> Range<usize> {
         self.x..self.x + self.size.width
     }
 
-    /// Its rows.
+    /// Range of rows.
     pub fn rows(self) -> Range<usize> {
         self.y..self.y + self.size.height
     }
@@ -81,19 +81,19 @@ pub struct PhotoGrid {
     pub sensor: Size,
     /// The restored part, inside the sensor.
     pub photo: Rect,
-    /// Side of the squares of pixels whose gain pattern is known, which shows how the camera was
-    /// turned and what part of the sensor a photo is; `None` where it was not measured.
+    /// Side of the squares of pixels in the known gain pattern, from which a photo's orientation
+    /// and place on the sensor are found; `None` if the pattern was not measured.
     pub pattern_px: Option<usize>,
 }
 
-/// All of the sensor.
+/// The grid of photos that cover the whole sensor.
 impl From<Size> for PhotoGrid {
     fn from(size: Size) -> PhotoGrid {
         PhotoGrid { sensor: size, photo: Rect { x: 0, y: 0, size }, pattern_px: None }
     }
 }
 
-/// A grid of numbers, row-major, height × width; by default without any.
+/// A grid of numbers, row-major, height × width; empty by default.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Plane<T = f32> {
     size: Size,

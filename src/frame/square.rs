@@ -1,4 +1,4 @@
-//! What a datum of pixels binned by two holds: the places behind colour filters of a square.
+//! The pixels or sites of a square that contribute to one datum of pixels binned by two.
 
 use super::{Channel, Mosaic, Plane};
 
@@ -44,7 +44,7 @@ impl SquarePlace {
     }
 
     /// The value of `plane` at this place of the square in column `x`, row `y` of squares; the
-    /// place is in the square.
+    /// place must lie inside the square.
     pub fn of<T: Copy + Default>(&self, plane: &Plane<T>, x: usize, y: usize) -> T {
         plane.at(2 * x + self.x.unsigned_abs(), 2 * y + self.y.unsigned_abs())
     }

@@ -1,4 +1,4 @@
-//! Tables of numbers at even steps.
+//! Interpolation in tables of numbers at even steps.
 
 /// `table` interpolated linearly at step `at`, extrapolated beyond its ends.
 #[inline(always)]
@@ -7,7 +7,7 @@ pub fn at_step(table: &[f32], at: f32) -> f32 {
     table[below] + (at - below as f32) * (table[below + 1] - table[below])
 }
 
-/// The step, with its fraction, at which a rising `table` reaches `value`; an end if it does not.
+/// Fractional step at which a rising `table` reaches `value`; the nearer end if it does not.
 pub fn step_of(table: &[f32], value: f32) -> f32 {
     let above = table.partition_point(|&v| v <= value);
     let (Some(below), Some(&high)) = (above.checked_sub(1), table.get(above)) else {

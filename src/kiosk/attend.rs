@@ -5,14 +5,14 @@ use super::lamp;
 use super::press::Presses;
 use crate::rig::{ButtonLevel, Clock, Lamp, LampRow, Moment, RigError};
 
-/// Longest delay from a change of state to the lamps.
+/// Longest delay from a change of the box's state to that of the lamps.
 const POLL_S: f64 = 0.05;
 
-/// Shortest interval between two rounds.
+/// Shortest interval between two rounds of the loop.
 const POLL_MIN_S: f64 = 0.001;
 
 /// Serves button and lamps until `ended` returns true, then switches the lamps off. A failure is
-/// logged once and retried: photos do not depend on them.
+/// logged once and retried, since photos depend on neither.
 pub fn attend(
     panel: &FrontPanel,
     mut button: Option<&mut (dyn ButtonLevel + '_)>,
@@ -59,7 +59,7 @@ pub fn attend(
     let _ = lamps.show(&[]);
 }
 
-/// Logs a failure the first time of many.
+/// Logs a failure unless one was `logged` already.
 fn once(outcome: Result<(), RigError>, logged: &mut bool) {
     if let Err(error) = outcome
         && !std::mem::replace(logged, true)
@@ -86,7 +86,7 @@ mod tests {
         }
     }
 
-    /// Changes level at the times given; edges wake, unless they are lost.
+    /// A button that changes its level at given times. Edges end a wait, unless they are lost.
     struct Finger<'a> {
         clock: &'a TestClock,
         changes: &'a [(f64, bool)],

@@ -1,5 +1,5 @@
-//! State shared by the daemon and the loop of the front panel: box state one way, presses the
-//! other.
+//! State shared by the daemon and the front panel's loop: the daemon sets the state of the box, the
+//! loop passes on presses.
 
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -26,7 +26,7 @@ pub enum BoxState {
     Counting,
     /// A photo is being taken or restored, or the lens measured.
     Working,
-    /// Photos wait for the panel before the lens.
+    /// Photos wait until the panel is before the lens.
     Asking,
     /// Photos wait for the night.
     Resting,
@@ -36,7 +36,7 @@ pub enum BoxState {
     Maintenance,
 }
 
-/// Requests by the button, pending for the daemon.
+/// Requests made with the button that the daemon has not taken yet.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Requests {
     /// Restore waiting photos, or take a photo.
@@ -45,7 +45,7 @@ pub struct Requests {
     pub again: bool,
     /// Stop asking for the panel, or cancel the countdown.
     pub postpone: bool,
-    /// Enter (held at start) or leave maintenance.
+    /// Enter maintenance (true: the button was held at the start) or leave it (false).
     pub maintenance: Option<bool>,
     /// Calibrate; in maintenance only.
     pub calibrate: bool,
@@ -64,7 +64,7 @@ struct Inner {
 pub struct FrontPanel {
     inner: Arc<Mutex<Inner>>,
     cancel: Arc<AtomicBool>,
-    /// Rounds of the loop, from 1; 0 without a loop.
+    /// Number of rounds of the loop; 0 if no loop runs.
     rounds: Arc<AtomicU64>,
 }
 
@@ -77,17 +77,18 @@ impl BoxState {
 }
 
 impl FrontPanel {
-    /// Usable after a panic elsewhere: each value is consistent at any time.
+    /// Locks the state, even after a panic elsewhere: each value is consistent at any time.
     fn inner(&self) -> MutexGuard<'_, Inner> {
         self.inner.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Counts a round of the loop; the first before its devices are opened, which may hang.
+    /// Counts a round of the loop. The first is counted before the devices are opened, which may
+    /// hang.
     pub fn count_round(&self) {
         self.rounds.fetch_add(1, Ordering::Relaxed);
     }
 
-    /// Rounds of the loop; `None` without a loop.
+    /// Number of rounds of the loop; `None` if no loop runs.
     pub fn rounds(&self) -> Option<u64> {
         Some(self.rounds.load(Ordering::Relaxed)).filter(|&rounds| rounds > 0)
     }
@@ -234,7 +235,7 @@ mod tests {
             panel.press(press);
             assert_eq!(panel.take_requests(), Requests { go, postpone, ..Requests::default() });
         }
-        // The release after a press that took a photo has no effect.
+        // Releasing the button after a press that took a photo has no effect.
         panel.set(BoxState::Ready);
         panel.press(Press::Down);
         assert!(panel.take_requests().go);

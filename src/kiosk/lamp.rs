@@ -1,6 +1,6 @@
-//! Lamps by state: colour and rhythm, so that states differ without colours (one man in twelve
-//! confuses red and green). Colours and rates after IEC 60073 as summarised in trade pages: green
-//! normal, red fault; slow flashing below 0.8 Hz, normal 1.4 to 2.8 Hz.
+//! Lamps by state: colours and rhythms. Trouble can be told by its rhythm alone, since one man in
+//! twelve confuses red and green. Colours and rates after IEC 60073 as summarised in trade pages:
+//! green normal, red fault; slow flashing below 0.8 Hz, normal 1.4 to 2.8 Hz.
 
 use super::front_panel::BoxState;
 use crate::rig::Lamp;
@@ -28,9 +28,9 @@ fn rhythm(state: BoxState) -> Rhythm {
         // Once a second, with the countdown.
         BoxState::Counting => &[(0.1, WHITE), (0.9, DARK)],
         BoxState::Working => &[(3600.0, WHITE)],
-        // Twice, slowly: action needed, not at the button.
+        // Two slow flashes: the user must act, but not at the button.
         BoxState::Asking => &[(0.3, GREEN), (0.3, DARK), (0.3, GREEN), (1.1, DARK)],
-        // A flash in the dark: sleeping.
+        // A short flash and a long pause: at rest.
         BoxState::Resting => &[(0.2, GREEN), (3.8, DARK)],
         BoxState::Trouble => &[(0.2, RED), (0.2, DARK), (0.2, RED), (0.9, DARK)],
         BoxState::Maintenance => &[(0.5, RED), (0.5, WHITE)],
@@ -48,7 +48,7 @@ pub fn lit(state: BoxState, since_s: f64) -> (&'static [Lamp], f64) {
         }
         at -= length;
     }
-    // Rounding at the very end of a period.
+    // Reached only by rounding, at the very end of a period.
     (parts[0].1, parts[0].0)
 }
 

@@ -7,11 +7,12 @@ use ab_glyph::{Font as _, FontRef, PxScale, ScaleFont as _};
 /// DejaVu Sans Bold, subset to Latin, Greek and Cyrillic; its licence is beside it.
 const FACE: &[u8] = include_bytes!("font/DejaVuSans-Bold-subset.ttf");
 
-/// Letters of a word and words of a text that fit on any screen; the rest is ignored.
+/// Limits of letters in a word and words in a text, beyond which text is ignored: no screen holds
+/// so many.
 const LETTERS_MAX: usize = 100;
 const WORDS_MAX: usize = 200;
 
-/// The face; `None` for a damaged file, which a test excludes.
+/// Parsed font; `None` if the file is damaged, which a test excludes.
 fn face() -> Option<&'static FontRef<'static>> {
     static PARSED: OnceLock<Option<FontRef<'static>>> = OnceLock::new();
     PARSED.get_or_init(|| FontRef::try_from_slice(FACE).ok()).as_ref()
@@ -24,7 +25,7 @@ pub fn width(text: &str, height_px: f32) -> f32 {
     text.chars().map(|c| face.h_advance(face.glyph_id(c))).sum()
 }
 
-/// Draws `text` with its upper left corner at (`x`, `y`) through `ink`, called with position and
+/// Draws `text` with its upper left corner at (`x`, `y`) by calling `ink` with the position and
 /// coverage, 0..1, of each pixel.
 pub fn set(text: &str, (x, y): (f32, f32), height_px: f32, ink: &mut dyn FnMut(i32, i32, f32)) {
     let Some(face) = face() else { return };
@@ -43,8 +44,8 @@ pub fn set(text: &str, (x, y): (f32, f32), height_px: f32, ink: &mut dyn FnMut(i
     }
 }
 
-/// `text` in lines no wider than `width_px`. A word too long for a line is shortened in its middle,
-/// so that a file name keeps its extension.
+/// Breaks `text` into lines no wider than `width_px`. A word too long for a line is shortened in
+/// its middle, so that a file name keeps its extension.
 pub fn wrapped(text: &str, height_px: f32, width_px: f32) -> Vec<String> {
     let fits = |line: &str| width(line, height_px) <= width_px;
     let mut lines: Vec<String> = Vec::new();
@@ -67,7 +68,7 @@ pub const SPACING: f32 = 1.2;
 pub const GAP: f32 = 0.35;
 
 /// Breaks `texts` into lines that fit into `room` (width, height), in letters at most `height_px`
-/// high; returns the letters' height and the lines of each text. Where letters of a third of that
+/// high; returns the letters' height and the lines of each text. If even letters of a third of that
 /// height do not fit, the last lines are dropped.
 pub fn fitted(texts: &[&str], height_px: f32, room: (f32, f32)) -> (f32, Vec<Vec<String>>) {
     let set = |px: f32| -> Vec<Vec<String>> {
@@ -95,7 +96,7 @@ pub fn fitted(texts: &[&str], height_px: f32, room: (f32, f32)) -> (f32, Vec<Vec
     }
 }
 
-/// `word` without as much of its middle as `fits` demands.
+/// Replaces as little as possible of the middle of `word` by an ellipsis, so that it `fits`.
 fn shortened(word: &str, fits: &dyn Fn(&str) -> bool) -> String {
     if fits(word) {
         return word.to_owned();

@@ -2,51 +2,51 @@
 
 use crate::rig::Moment;
 
-/// Time that a level must hold: longer than contacts bounce. Guess.
+/// Time for which a level must hold to be valid: longer than contacts bounce. Guess.
 const DEBOUNCE_S: f64 = 0.03;
 /// Duration of a long press, which cancels a job, starts a calibration in maintenance, and starts
 /// maintenance when the box is switched on. Guess.
 const LONG_PRESS_S: f64 = 1.5;
 
-/// A press.
+/// Event of a press.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Press {
     /// The button went down; reported after the debounce time.
     Down,
-    /// It was released before a long press.
+    /// The button was released before the press became a long one.
     Short,
-    /// It is held for a long press; reported while it is down.
+    /// The button has been held for a long press; reported while it is still down.
     Long,
-    /// It was down when the box started.
+    /// The button was down when the box started.
     HeldAtStart,
 }
 
-/// Converts timed levels to presses. A level counts once it has held for the debounce time.
+/// Converts timed levels to presses. A level is valid once it has held for the debounce time.
 #[derive(Debug, Clone)]
 pub struct Presses {
-    /// Level last read, and the start of it.
+    /// Level last read, and the time since which it has held.
     level: (bool, Moment),
     is_pressed: bool,
     down_since: Moment,
     is_reported: bool,
-    /// Until when a press counts as held at the start.
+    /// End of the time in which a press counts as held at the start.
     starting_until: Moment,
 }
 
 impl Presses {
-    /// A released button first read at `now`.
+    /// State of a released button, first read at `now`.
     pub fn new(now: Moment) -> Presses {
         Presses {
             level: (false, now),
             is_pressed: false,
             down_since: now,
             is_reported: false,
-            // Half a debounce time of grace for the first reading.
+            // Half a debounce time longer than necessary, in case the first reading is late.
             starting_until: Moment(now.0 + 1.5 * DEBOUNCE_S),
         }
     }
 
-    /// Processes the level read at `now`.
+    /// Processes the level read at `now`; returns the event that it causes, if any.
     pub fn read(&mut self, level: bool, now: Moment) -> Option<Press> {
         if level != self.level.0 {
             self.level = (level, now);
@@ -57,7 +57,7 @@ impl Presses {
                 return (!self.is_reported).then_some(Press::Short);
             }
             self.down_since = now;
-            // Held at the start, the press is not a long one as well.
+            // A press held at the start is not reported as a long one as well.
             self.is_reported = now.0 <= self.starting_until.0;
             return Some(if self.is_reported { Press::HeldAtStart } else { Press::Down });
         }
@@ -65,7 +65,7 @@ impl Presses {
         (is_long && !std::mem::replace(&mut self.is_reported, true)).then_some(Press::Long)
     }
 
-    /// When to read the level again without an edge.
+    /// Time in seconds at which the level must be read again even without an edge.
     pub fn look_again_at(&self) -> f64 {
         if self.level.0 != self.is_pressed {
             self.level.1.0 + DEBOUNCE_S

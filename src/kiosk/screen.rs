@@ -4,8 +4,9 @@ use super::drawing::{PanelColour, Sheet};
 use super::lettering;
 use crate::frame::{Codes, Frame, Size, Work};
 
-/// A screen; [`draw`] adds the fixed words. `others` describes incomplete photos, empty without
-/// any; `words` are sentences, `hint` and `to_do` the next action; `number` counts from 1.
+/// Contents of a screen; [`draw`] adds the fixed words. `others` describes incomplete photos and is
+/// empty if there are none; `words` are sentences; `hint` and `to_do` state the next action;
+/// `number` counts from 1.
 #[derive(Debug, Clone, PartialEq)]
 #[allow(missing_docs)] // The names of fields are described above.
 pub enum Screen {
@@ -17,9 +18,9 @@ pub enum Screen {
     Counting { seconds: u32 },
     /// A photo is being taken.
     Taking,
-    /// Photos wait for the panel before the lens.
+    /// Photos wait until the panel is before the lens.
     Asking { photos: usize, words: String, others: String },
-    /// The lens is being measured because the panel was moved, by `why`.
+    /// The lens is being measured because the panel was moved; `why` describes the drift.
     Measuring { why: String },
     /// A photo is being computed; captures follow on this panel.
     Working { photo: String, number: usize, of: usize },
@@ -53,10 +54,10 @@ pub(crate) const DROP: &str = "Put photos into the inbox.";
 /// Hint of a box that takes photos.
 pub(crate) const AIM: &str = "Aim the camera, then press the button.";
 
-/// Hint after a result.
+/// Hint beside a result.
 pub(crate) const RESULT_IN_OUTBOX: &str = "The result is in the outbox.";
 
-/// Asks for the panel.
+/// Request to put the panel before the lens.
 pub(crate) const ASK: &str =
     "The photo is saved. Put this panel before the lens, or the camera into its dock.";
 
@@ -108,7 +109,7 @@ impl ScreenContent {
     }
 }
 
-/// Dark but not black, so that the panel visibly is on.
+/// Dark but not black, so that the panel is visibly on.
 const SLATE: PanelColour = [28, 38, 54];
 const RUST: PanelColour = [96, 24, 16];
 const NIGHT: PanelColour = [16, 22, 60];
@@ -131,7 +132,7 @@ fn waiting(photos: usize) -> String {
     }
 }
 
-/// `words` with a capital and a full stop.
+/// Makes a sentence of `words`, with a capital and a full stop.
 pub(crate) fn sentence(words: &str) -> String {
     let mut letters = words.chars();
     let first: String = letters.next().into_iter().flat_map(char::to_uppercase).collect();
@@ -207,7 +208,7 @@ pub struct PhotoPair<'a> {
     pub after: &'a Frame<Work>,
 }
 
-/// Draws `screen` for a panel of `size`; `pair` is for [`Screen::Result`].
+/// Draws `screen` for a panel of `size`; `pair` is drawn on a [`Screen::Result`] only.
 pub fn draw(screen: &Screen, size: Size, pair: Option<PhotoPair<'_>>) -> Codes {
     let ScreenContent { ground, symbol, symbol_colour, mut title, mut lines, progress } =
         content(screen);
@@ -297,7 +298,7 @@ fn draw_symbol(
             Symbol::Ring => (0.34..0.5).contains(&from_centre((u, v))),
             Symbol::Triangle => {
                 let inside = v < 0.95 && (u - 0.5).abs() < 0.53 * v;
-                // The exclamation mark in it.
+                // The triangle contains an exclamation mark.
                 let bar = (u - 0.5).abs() < 0.06 && (0.35..0.68).contains(&v);
                 let dot = (u - 0.5).abs() < 0.06 && (0.76..0.88).contains(&v);
                 inside && !bar && !dot

@@ -9,16 +9,16 @@ use crate::config;
 use crate::frame::{Channel, Frame, Plane, SensorSpace};
 use crate::patterns;
 
-/// The checkerboard as found, for the later check.
+/// The checkerboard as found, with which the rig is checked later.
 pub(super) struct Board {
     near: Affine,
     corners: Vec<Pair>,
-    /// Number of its capture.
+    /// Number of the capture that shows the checkerboard.
     capture: u32,
     black: Plane,
 }
 
-/// The error for spots that give no affine map.
+/// The error for spots that do not define an affine map.
 fn in_line() -> CalibrateError {
     let found = "the three spots are in a line: the panel is seen edge-on or in a reflection";
     CalibrateError::NotInView(found.to_owned())
@@ -38,7 +38,7 @@ pub(super) fn geometry(
     let locator = session.counts(&patterns::locator(layout.panel))?;
     let mut spots = [(0.0, 0.0); 3];
     for c in Channel::ALL {
-        // A spot is white of one channel, whose brightness was checked before.
+        // Each spot is white in one channel; the brightness of white was checked before.
         let allowed = 0.02 * f64::from(layout.saturated);
         let over = difference(locator.plane(c), black.plane(c));
         spots[c.index()] =
@@ -63,7 +63,7 @@ pub(super) fn geometry(
     Ok((geometry, Some(board)))
 }
 
-/// Captures the checkerboard in green and finds its corners, (sensor, panel).
+/// Captures the checkerboard in green and finds its corners, as pairs (sensor, panel).
 fn corners(
     session: &mut Session<'_>,
     near: &Affine,

@@ -1,4 +1,4 @@
-//! Errors of a calibration, by what the operator has to do.
+//! Errors of a calibration, each with what the operator has to do.
 
 use crate::calibration::CorrectionError;
 use crate::calibration::lens_blur::LensBlurError;
@@ -17,7 +17,7 @@ pub(super) const CONTRAST_MIN: f64 = 0.15;
 /// `relens check` allows half.
 pub(super) const RESIDUAL_MAX: f64 = 0.004;
 
-/// Why a calibration failed. The stored calibration stays.
+/// Why a calibration failed. The stored calibration stays as it was.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs)] // The sentences describe them.
 pub enum CalibrateError {

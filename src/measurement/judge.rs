@@ -1,4 +1,4 @@
-//! Checks of a rig by trial captures, each failure with its own error.
+//! Checks of a rig by trial captures; each check has its own error.
 
 use super::error::{CONTRAST_MIN, CalibrateError, RESIDUAL_MAX, SATURATED_MAX};
 use super::linearity::{BENT_MAX, Linearity};
@@ -7,15 +7,15 @@ use crate::frame::{Channel, Counts, Plane, Size};
 
 /// Cells along each side of the sensor in which exposure and view are checked.
 const CELLS: usize = 16;
-/// Least share of full scale that counts as light of the panel. Guess.
+/// Least light, as a share of full scale, that is attributed to the panel. Guess.
 const LIGHT_MIN: f64 = 0.005;
 /// Least light of a lit cell, as a share of the brightest; vignetting is weaker. Guess.
 const LIT_SHARE: f64 = 0.2;
 /// Least share of the corners in view that must be found.
 const CORNERS_MIN: f64 = 0.5;
 
-/// Checks exposure and view by captures of white and black, in the rows where `is_used` holds;
-/// others are never white.
+/// Checks exposure and view by captures of white and black, in the rows where `is_used` holds. The
+/// other rows carry frame marks and are never white.
 pub(super) fn exposure(
     white: &Counts,
     black: &Counts,
@@ -102,8 +102,8 @@ pub(super) fn corners(found: usize, expected: usize) -> Result<(), CalibrateErro
     Ok(())
 }
 
-/// Median displacement of the same corners between two captures, sensor pixels; infinite without
-/// any.
+/// Median displacement of the corners common to two captures, sensor pixels; infinite if there are
+/// none.
 pub(super) fn displacement(first: &[Pair], second: &[Pair]) -> (f64, f64) {
     let both = first.iter().filter_map(|a| Some((a, second.iter().find(|b| b.to == a.to)?)));
     let (mut right, mut down): (Vec<f64>, Vec<f64>) =
@@ -128,7 +128,7 @@ pub(super) fn repeats(difference: f64, noise: f64) -> Result<(), CalibrateError>
     Ok(())
 }
 
-/// Judges the linearity of `channel`.
+/// Checks the linearity of `channel`.
 pub(super) fn straight(channel: Channel, linearity: &Linearity) -> Result<(), CalibrateError> {
     match linearity.bend() {
         None => Ok(()),
@@ -143,7 +143,7 @@ pub(super) fn straight(channel: Channel, linearity: &Linearity) -> Result<(), Ca
     }
 }
 
-/// The error for counts that no rising curve explains.
+/// The error for counts that no increasing curve explains.
 pub(super) fn no_curve() -> CalibrateError {
     let found = "no rising curve fits the counts of longer exposures".to_owned();
     CalibrateError::NotLinear(Channel::Green, found)
@@ -166,8 +166,8 @@ pub(super) fn on_panel(geometry: &Geometry, panel: Size) -> Result<(), Calibrate
     Ok(())
 }
 
-/// Checks the focus by the RMS radius of the sharpest lens function, fitted on a support of
-/// `support_px`; the rig file's is `written_px`.
+/// Checks the focus by the RMS radius of the sharpest lens function, which was fitted on a support
+/// of `support_px`. The error names `written_px`, the support in the rig file.
 pub(super) fn focus(
     radius_px: f64,
     support_px: f64,

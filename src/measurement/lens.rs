@@ -1,4 +1,4 @@
-//! The lens: functions, norm, noise and operator error, from pictures in linear light.
+//! Measurement of the lens: functions, norms, noise and operator error, from linear light.
 
 use std::sync::Arc;
 
@@ -20,22 +20,22 @@ use crate::deconvolution::registration::{Comparison, Registration};
 use crate::frame::{Channel, Frame, Plane, Rect, Size, Work};
 use crate::patterns;
 
-/// Rough measurements whose centroids are folded into the geometry. A border function stands for a
-/// wide strip and moves slightly wrongly; the second round removes the remaining error.
+/// Number of rough measurements whose centroids are folded into the geometry. A border function
+/// represents a wide strip and moves slightly wrongly; the second round removes the rest.
 pub(super) const CENTRINGS: usize = 2;
-/// Patterns of each.
+/// Number of patterns of each rough measurement.
 pub(super) const CENTRING_PATTERNS: usize = 5;
 /// Side of the pixels of centring patterns; captures are averaged to them. A centroid needs the
 /// whole function, even where the rig file limits it to the middle, but no fine detail.
 const CENTRING_PIXEL_PX: usize = 2;
-/// Width of the functions during centring as a share of the rig file's, in such pixels: 1.7 times
-/// as wide on the sensor. Measured, see tests/tables/constants.md.
+/// Width of the functions during centring, in pixels of [`CENTRING_PIXEL_PX`], as a share of the
+/// rig file's width: 1.7 times as wide on the sensor. Measured, see tests/tables/constants.md.
 const CENTRING_SHARE: f64 = 0.85;
-/// Rounds of conjugate gradients for centring, with many taps for few pixels.
+/// Rounds of conjugate gradients for centring, which fits many taps to few pixels.
 const CENTRING_ROUNDS: usize = 8;
-/// Rounds for the functions themselves.
+/// Rounds of conjugate gradients for the final functions.
 const ROUNDS: usize = 12;
-/// Most fits of functions after the first that follow the panel.
+/// Largest number of further fits of the functions, each after the panel was followed.
 const FOLLOWED_MAX: usize = 4;
 /// Brightest level of the dominant picture shown to measure ‖K‖.
 const DOMINANT_LEVEL: f32 = 220.0;
@@ -84,7 +84,7 @@ fn centre(session: &mut Session<'_>, calibration: &mut Calibration) -> Result<()
     let written_px = session.config.calibration.function_support_px;
     let support_px = (CENTRING_SHARE * written_px as f64) as usize | 1;
     for round in 0..CENTRINGS {
-        // Means of two by two pixels: sites alone would bias a function towards themselves.
+        // Means of two by two pixels, since sites alone would bias a function towards themselves.
         let correction = correction(session, calibration)?.between_sites();
         let nth = random(100 + round as u64, pixel_px);
         let patterns = Patterns { count: CENTRING_PATTERNS, nth: &nth, pixel_px };
@@ -119,8 +119,8 @@ fn broad_light(
     Ok(())
 }
 
-/// RMS radius of green's sharpest function, pixels, as a lens may be poor in its corners; infinite
-/// if no function has a radius.
+/// RMS radius of green's sharpest function, pixels, since a lens may be poor in its corners;
+/// infinite if no function has a radius.
 fn sharpest_px(functions: &LensFunctions) -> f64 {
     (0..functions.rows * functions.columns)
         .map(|n| functions.function(Channel::Green, n / functions.columns, n % functions.columns))
@@ -140,13 +140,13 @@ fn correction(
 struct FunctionRounds {
     /// Rounds of conjugate gradients.
     rounds: usize,
-    /// Width of the functions, pixels of the series.
+    /// Width of the functions, in pixels of the series.
     support_px: usize,
-    /// Whether the functions' centroids are in place when the panel is.
+    /// Whether the functions' centroids are at zero when the panel is in place.
     is_centred: bool,
 }
 
-/// Fits the lens functions to `series`, following the panel.
+/// Fits the lens functions to `series` while following the panel.
 fn functions(
     session: &mut Session<'_>,
     correction: &Correction,
@@ -164,7 +164,7 @@ fn functions(
         support_px: fit.support_px,
     };
     let mut functions = fitted(session, series, grid, fit.rounds)?;
-    // Far out of focus, places and centroids are noise and a later fit would take the blame.
+    // Far out of focus, places and centroids are mere noise, and a later fit would be blamed.
     let pixel = pixel_px as f64;
     let widest_px = pixel * fit.support_px as f64;
     judge::focus(pixel * sharpest_px(&functions), widest_px, asked.function_support_px)?;
@@ -181,7 +181,7 @@ fn functions(
     Ok(functions)
 }
 
-/// Fits the lens functions to `series` as it is.
+/// Fits the lens functions to the shots of `series` as they are.
 fn fitted(
     session: &mut Session<'_>,
     series: &Series<'_>,
@@ -198,7 +198,7 @@ fn fitted(
     Ok(LensFunctions { rows, columns, support_px, taps: [red?, green?, blue?] })
 }
 
-/// Mean centroid of green's `functions`, on pixels of `pixel_px`.
+/// Mean centroid of green's `functions`, sensor pixels; their own pixels are `pixel_px` wide.
 fn off_centre(functions: &LensFunctions, pixel_px: usize) -> (f64, f64) {
     let count = functions.rows * functions.columns;
     let taps = functions.taps[Channel::Green.index()].chunks(functions.support_px.pow(2));
@@ -209,7 +209,7 @@ fn off_centre(functions: &LensFunctions, pixel_px: usize) -> (f64, f64) {
 }
 
 /// Folds the functions' centroids into the geometry: coma moves the saddle of a checkerboard corner
-/// differently from a function's centroid, and the centroid must be in place.
+/// differently from a function's centroid, and it is the centroid that must be in place.
 fn recentre(
     session: &Session<'_>,
     calibration: &mut Calibration,
@@ -219,7 +219,7 @@ fn recentre(
     let fit = |source| CalibrateError::Fit { step: "centring", source };
     let domain = session.layout.domain();
     let moved = lens_blur::displacement(functions, calibration.photo, domain, pixel_px);
-    // Functions that do not stand out have no centroid.
+    // Functions that do not exceed the noise have no centroid.
     let moved = moved.map_err(|_| {
         let found = "the lens functions do not stand out of the noise".to_owned();
         CalibrateError::WrongFocus(found, "functions above three times the noise".to_owned())
@@ -228,7 +228,7 @@ fn recentre(
     Ok(())
 }
 
-/// Measures the noise of one capture, from two captures of one gradation.
+/// Measures the noise of one capture, from two captures of the same gradation.
 fn measure_noise(
     session: &mut Session<'_>,
     calibration: &mut Calibration,
@@ -275,7 +275,7 @@ fn measure_operator_error(
         };
         Registration::fit(&comparison, calibration.functions.support_px)
     };
-    // Panel pixels seen elsewhere give other detail than a picture moved.
+    // A panel that is seen elsewhere is sampled differently, so a shifted prediction would not do.
     let at_px = register(&predicted_at((0.0, 0.0))).shift_px;
     let predicted = predicted_at(at_px);
     let found = register(&predicted);
@@ -307,7 +307,7 @@ fn measure_norms(
     };
     let (measured, picture) = session.computed(norms)?;
     *calibration = measured;
-    // The dominant picture has one sign; its capture is brighter by ‖K‖.
+    // The dominant picture has one sign; the lens makes its capture brighter by the factor ‖K‖.
     let brightest = picture.data().iter().fold(0.0f32, |a, &v| a.max(v)).max(f32::MIN_POSITIVE);
     let shown = Frame::from_fn(|c| match c {
         Channel::Green => picture.map(|v| v.max(0.0) * (DOMINANT_LEVEL / brightest)),
@@ -320,7 +320,7 @@ fn measure_norms(
     Ok(())
 }
 
-/// Checks where the panel is now by the checkerboard, or that the first pattern repeats.
+/// Checks that the rig is at rest: by the checkerboard if there is one, else by the first pattern.
 fn check_rest(
     session: &mut Session<'_>,
     calibration: &Calibration,
@@ -338,7 +338,7 @@ fn check_rest(
     judge::repeats(change, f64::from(noise))
 }
 
-/// The chart in the photo's frame, its border repeated over the margin.
+/// The chart on the canvas: photo-sized, with its border repeated over the margin.
 fn chart(session: &Session<'_>) -> Frame<Work> {
     let (photo, margin) = (session.layout.photo, session.layout.margin_px);
     let chart = patterns::chart(photo);

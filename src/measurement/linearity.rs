@@ -1,7 +1,7 @@
 //! Linearity of the camera: one gradation from black to white at one, two and three times the
-//! exposure, hence under one, two and three times the light. A gamma or a knee passes every flat
-//! and distorts blur. All levels are in one picture, so a backlight's flicker between captures
-//! affects them alike.
+//! exposure, hence under one, two and three times the light. A gamma or a knee goes unnoticed in
+//! every flat and distorts blur. All levels are in one picture, so a backlight's flicker between
+//! captures affects them alike.
 
 use super::session::Session;
 use super::{CalibrateError, judge};
@@ -10,24 +10,24 @@ use crate::calibration::camera_curve::Exposures;
 use crate::frame::{Channel, Frame, Plane, SensorSpace, Size};
 use crate::patterns::{self, Gradation};
 
-/// Multiples of the exposure.
+/// Multiples of the exposure at which the gradation is captured.
 const TIMES: [f64; 3] = [1.0, 2.0, 3.0];
-/// Captures of the gradation at each; two halve the variance of flicker.
+/// Captures of the gradation at each exposure; two halve the variance of flicker.
 const CAPTURES_EACH: usize = 2;
-/// Blocks of the gradation across the panel: wide against any workable blur.
+/// Number of blocks of the gradation across the panel: they are wide against any workable blur.
 const BLOCKS: usize = 12;
-/// Levels of the gradation, as for a panel's response.
+/// Number of levels of the gradation, as for a panel's response.
 const LEVELS: usize = 52;
 /// Side of a cell whose mean is read, sensor pixels.
 const CELL_PX: usize = 8;
-/// Largest range of counts within a cell, as a share of its mean; above it the cell lies on a
-/// border between blocks. Guess: noise stays below it except in the dark, where no cell is left
-/// out.
+/// Largest range of counts within a cell, as a share of its mean plus a sixteenth of full scale;
+/// above it the cell lies on a border between blocks. Guess: noise stays below it, even in the
+/// dark.
 const EVEN_SHARE: f32 = 0.2;
 const GRADATION_SEED: u64 = 77;
-/// Groups of cells of one channel, by brightness; each gives one light.
+/// Number of groups of cells of one channel, by brightness; each group gives one light.
 const GROUPS: usize = 40;
-/// Share of full scale above which part of a cell may be clipped.
+/// Share of full scale; a cell with a pixel above it may be partly clipped.
 const CLIPPED_SHARE: f32 = 0.97;
 /// Share of full scale at the longest exposure up to which linearity is judged: below a sensor's
 /// knee.
@@ -39,11 +39,11 @@ const STRAIGHT_MAX: f32 = 0.004;
 /// knee near its full well, a third of that of a webcam's gamma. Guess.
 pub(super) const BENT_MAX: f64 = 0.1;
 
-/// Captures of the measurement: three of black and two of the gradation at each exposure, and one
+/// Captures of the measurement: two of black and two of the gradation at each exposure, and one
 /// after restoring the exposure. The first capture after a change may have the previous exposure.
 pub(super) const CAPTURES: usize = TIMES.len() * (2 + CAPTURES_EACH) + 1;
 
-/// Counts of one light over black at two and three times the exposure, relative to one.
+/// Counts over black of one light at two and three times the exposure, relative to those at one.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Linearity {
     /// The ratios, ideally 2 and 3.
@@ -51,12 +51,12 @@ pub(super) struct Linearity {
 }
 
 impl Linearity {
-    /// The linearity of `counts` over black at [`TIMES`] the exposure.
+    /// Linearity of a light that gives `counts` over black at [`TIMES`] the exposure.
     pub(super) fn of(counts: [f64; 3]) -> Linearity {
         Linearity { ratios: [counts[1] / counts[0], counts[2] / counts[0]] }
     }
 
-    /// The first multiple of the exposure whose ratio of counts deviates too much, and that ratio.
+    /// The first multiple of the exposure at which the counts deviate too much, with their ratio.
     pub(super) fn bend(&self) -> Option<(f64, f64)> {
         let mut ratios = TIMES[1..].iter().copied().zip(self.ratios);
         let allowed = 1.0 - BENT_MAX..=1.0 + BENT_MAX;
@@ -65,8 +65,8 @@ impl Linearity {
     }
 }
 
-/// Measures the camera's curve; straight if the exposure cannot be set, an error if counts bend
-/// more than a sensor's. `black` has the counts of a black panel.
+/// Measures the camera's curve, given the counts of a `black` panel. The curve is straight if the
+/// exposure cannot be set. Counts that bend more than a sensor's are an error.
 pub(super) fn measure(
     session: &mut Session<'_>,
     black: &Frame<SensorSpace>,
@@ -88,8 +88,8 @@ pub(super) fn measure(
     Ok(if curve.bend() <= STRAIGHT_MAX { CameraCurve::straight() } else { curve })
 }
 
-/// Lights of each channel at [`TIMES`] the exposure, which is then restored; `None` if it cannot be
-/// set.
+/// Measures the lights of each channel at [`TIMES`] the exposure, then restores the exposure.
+/// `None` if the exposure cannot be set.
 fn lights(session: &mut Session<'_>) -> Result<Option<[Vec<Exposures>; 3]>, CalibrateError> {
     if !session.expose_times(1.0)? {
         return Ok(None);
@@ -110,7 +110,7 @@ fn brightest_linearity(lights: &[Exposures], full: f64) -> Option<Linearity> {
     counts.find(|counts| counts[2] <= JUDGED_SHARE * full).map(Linearity::of)
 }
 
-/// Mean counts over black of a cell at each exposure; `None` where they are clipped.
+/// Mean counts over black of a cell at each exposure; `None` where they are clipped or uneven.
 type CellReading = [Option<f64>; 3];
 
 /// Reads the cells of each channel that are evenly lit at the first exposure.
@@ -145,14 +145,14 @@ fn capture_cells(session: &mut Session<'_>) -> Result<[Vec<CellReading>; 3], Cal
     Ok(all)
 }
 
-/// The cells of a sensor of `size`, left and top.
+/// Left and top of each cell on a sensor of `size`.
 fn cells(size: Size) -> impl Iterator<Item = (usize, usize)> {
     let (columns, rows) = (size.width / CELL_PX, size.height / CELL_PX);
     (0..columns * rows).map(move |n| (n % columns * CELL_PX, n / columns * CELL_PX))
 }
 
-/// Mean counts of a cell over `dark`; `None` if some are clipped, or uneven although the cell must
-/// be `even`.
+/// Mean counts of a cell over `dark`; `None` if some are clipped, or if they are uneven although
+/// `even` is required.
 fn over_black(
     light: &Plane<u16>,
     dark: &Plane<u16>,

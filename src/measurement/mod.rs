@@ -9,13 +9,13 @@
 //! | dark corner | 3 flats at 128 | ratio surfaces |
 //! | cross-channel | 3 gradations per channel | C, response curves |
 //! | centring | grey, 5 patterns of coarse squares, twice | centroids, folded into the geometry |
-//! | lens functions | grey, `patterns` | lens functions, ‖K‖² |
+//! | lens functions | grey, `patterns` | lens functions |
 //! | broad light | grey, 4 patterns of large squares (if `broad-term`) | halos |
-//! | checks | 2 gradations, 1 pattern again, chart, dominant picture | noise, rest, errors, ‖K‖² |
+//! | checks | 2 gradations, 1 pattern again, chart, dominant picture | noise, rest, errors, norms |
 //!
-//! A one-to-one rig skips geometry and centring. A panel that moves meanwhile is followed, and
-//! refused if it moves too far or too fast (`motion.rs`). The caller stores the result
-//! ([`crate::calibration::store`]); after an error the stored one stays.
+//! A one-to-one rig skips geometry and centring. A panel that moves meanwhile is followed; if it
+//! moves too far or too fast, the calibration fails (`motion.rs`). The caller stores the result
+//! ([`crate::calibration::store`]); after an error the stored calibration stays.
 
 mod board;
 mod error;

@@ -1,19 +1,19 @@
 //! Motion of the panel during a calibration.
 //!
-//! On a table that gives, the panel's picture moves from capture to capture, all of it alike.
-//! Captures of patterns are registered to their predictions by the functions fitted to them; what
-//! was shown is moved to the place found, never the capture, and the functions are fitted again
-//! ([`super::series::Series::follow`]). Centring folds the mean place into the geometry. Steps are
-//! checked within each series, the whole way by the first and the last checkerboard.
+//! On a table that gives, the panel's picture moves as a whole from capture to capture. Captures of
+//! patterns are registered to their predictions by the fitted functions; what was shown is moved to
+//! the place found, never the capture, and the functions are fitted again
+//! ([`super::series::Series::follow`]). Centring folds the mean place into the geometry. Motion is
+//! checked within each series, and overall between the first and the last checkerboard.
 
 use super::CalibrateError;
 
-/// Displacement that does not count, sensor pixels: a spread of this size widens a function of one
-/// pixel RMS by 0.0002 px.
+/// Displacement below which the panel counts as still, sensor pixels: a spread of this size widens
+/// a function of one pixel RMS by 0.0002 px.
 pub(super) const STILL_PX: f64 = 0.02;
-/// Largest distance of any two places, sensor pixels.
+/// Largest distance between any two places, sensor pixels.
 const FAR_MAX_PX: f64 = 2.0;
-/// Largest distance of the places in two captures that follow each other, sensor pixels; over more
+/// Largest distance between the places in two consecutive captures, sensor pixels; over more
 /// captures it grows with the root of their number, as in a random walk. 4.6 deviations for a panel
 /// that wanders by 0.1 px per capture and axis and vibrates by 0.03 px.
 const STEP_MAX_PX: f64 = 0.5;
@@ -27,7 +27,7 @@ pub(super) struct PanelPlace {
     pub(super) at_px: (f64, f64),
 }
 
-/// Checks that the panel moved neither too far nor too fast between `places`, in order.
+/// Checks that the panel moved neither too far nor too fast between `places`, in order of capture.
 pub(super) fn check(places: &[PanelPlace]) -> Result<(), CalibrateError> {
     let distance =
         |a: &PanelPlace, b: &PanelPlace| (a.at_px.0 - b.at_px.0).hypot(a.at_px.1 - b.at_px.1);
@@ -55,7 +55,7 @@ mod tests {
     use super::*;
     use crate::remedy::full_message;
 
-    /// The refusal of a panel at `places` (capture, right, down).
+    /// The error message for a panel at `places` (capture, right, down).
     fn refusal(places: &[(u32, f64, f64)]) -> Option<String> {
         let place = |&(capture, x, y)| PanelPlace { capture, at_px: (x, y) };
         let places: Vec<PanelPlace> = places.iter().map(place).collect();
@@ -66,7 +66,7 @@ mod tests {
     fn a_panel_that_moves_too_far_or_too_fast_is_refused_with_both_numbers() {
         let slow: Vec<_> = (0..50).map(|n| (n, 0.04 * f64::from(n), 0.0)).collect();
         assert_eq!(refusal(&slow), None);
-        // 0.72 px over 14 captures are what a table does that wanders by 0.1 px a capture.
+        // A table that wanders by 0.1 px per capture may move it by 0.72 px over 14 captures.
         assert_eq!(refusal(&[(8, 0.0, 0.0), (22, 0.6, -0.4)]), None);
         let cases: [(&[_], _, _); 3] = [
             (&[(8, 0.0, 0.0), (9, 0.6, -0.4)], "0.72 px in all", "up to 0.72 px from one"),

@@ -10,7 +10,7 @@ use crate::patterns::{self, Gradation, GradationBlock};
 
 /// Gradations in each channel, each with its own shuffle. Measured, see tests/tables/constants.md.
 pub(super) const GRADATIONS: usize = 3;
-/// Levels of a gradation: every fifth code, with seven blocks each on the default rig.
+/// Number of levels of a gradation: every fifth code, with seven blocks each on the default rig.
 const LEVELS: usize = 52;
 
 /// Fits the black level.
@@ -26,8 +26,8 @@ pub(super) fn black(
     Ok(())
 }
 
-/// Fits flats at code 128, one channel at a time (paper §3). Counts per level refer to code 128
-/// until the response curve is known.
+/// Fits the dark corner to flats at code 128, one channel at a time (paper §3). Counts per level
+/// refer to code 128 until the response curve is known.
 pub(super) fn dark_corner(
     session: &mut Session<'_>,
     calibration: &mut Calibration,
@@ -79,11 +79,11 @@ pub(super) fn cross_channel(
     Ok(())
 }
 
-/// Width of a gradation's blocks, in lens functions, and the half width read about their centres:
-/// only glare reaches there from other blocks.
+/// Width of a gradation's blocks, and half width of the part read at their centres, both in widths
+/// of a lens function. From other blocks, only glare reaches that part.
 const SUPPORTS_WIDE: f64 = 1.5;
 const SUPPORTS_READ: f64 = 0.25;
-/// The same for noise ([`flat_places`]), where small motions of the panel must not matter either.
+/// Block width and half width for noise ([`flat_places`]), which small motions must not affect.
 pub(super) const SUPPORTS_APART: f64 = 3.0;
 const SUPPORTS_FLAT: f64 = 0.75;
 
@@ -106,7 +106,7 @@ pub(super) fn gradation(
     )
 }
 
-/// Reads the middles (a third of the width) of the blocks on the canvas.
+/// Reads the blocks on the canvas, each over the middle third of its width.
 fn read(
     session: &Session<'_>,
     calibration: &Calibration,
@@ -151,7 +151,7 @@ fn middles<'a>(
     })
 }
 
-/// The middles of a wide gradation's blocks on the canvas.
+/// Places of the middles of a wide gradation's blocks on the canvas.
 pub(super) fn flat_places(
     session: &Session<'_>,
     calibration: &Calibration,
@@ -169,7 +169,7 @@ fn support_px(session: &Session<'_>) -> f64 {
     session.config.calibration.function_support_px as f64
 }
 
-/// Mean of `plane` within `reach` of (`x`, `y`).
+/// Mean of `plane` over the square within `reach` of (`x`, `y`).
 fn mean(plane: &Plane, (x, y): (f64, f64), reach: f64) -> f64 {
     let range = |at: f64, limit: usize| {
         let first = (at - reach).round().max(0.0) as usize;

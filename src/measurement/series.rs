@@ -15,23 +15,23 @@ use crate::deconvolution::registration::{Comparison, Registration};
 use crate::frame::{Channel, Frame, Plane, Rect, Size, Work};
 use crate::patterns;
 
-/// Grey level that patterns oscillate about.
+/// Grey level about which patterns oscillate.
 pub(super) const GREY: f32 = 127.5;
-/// Amplitude of the patterns. The bicubic warp overshoots by up to 1.5; this stays within the
-/// panel's range.
+/// Amplitude of the patterns, grey levels. The bicubic warp overshoots by a factor of up to 1.5,
+/// which stays within the panel's range.
 const AMPLITUDE: f32 = 80.0;
-/// Patterns for the broad light.
+/// Number of patterns for the broad light.
 pub(super) const BROAD_PATTERNS: usize = 4;
 /// Sides of the squares for the broad light, in function widths; the last is held out. Guess.
 const SQUARES: [usize; BROAD_PATTERNS] = [2, 4, 8, 3];
-/// Largest gain of a capture against grey that is corrected; a larger one is no flicker. Guess:
-/// several times a backlight's flicker.
+/// Largest deviation from 1 of a capture's gain that is corrected; a larger one is not flicker.
+/// Guess: several times a backlight's flicker.
 const GAIN_MAX: f64 = 0.03;
-/// Border of the canvas that stays grey in a pattern. The panel repeats the canvas's border, so all
-/// beyond it is grey and no light enters that the model does not have.
+/// Width of the grey border of a pattern. The panel repeats the canvas's border, so everything
+/// beyond it is grey, and no light enters that the lens model lacks.
 const GREY_BORDER_PX: usize = 2;
 
-/// The `n`-th of [`BROAD_PATTERNS`]: large random squares, up to the canvas's border.
+/// The `n`-th of [`BROAD_PATTERNS`] patterns: large random squares, up to the canvas's border.
 pub(super) fn squares(session: &Session<'_>, n: usize) -> Frame<Work> {
     let size = session.layout.canvas();
     let widest = (size.width.min(size.height) / 2).max(1);
@@ -39,7 +39,7 @@ pub(super) fn squares(session: &Session<'_>, n: usize) -> Frame<Work> {
     random_squares(size, 300, n, side.min(widest))
 }
 
-/// The `n`-th picture of a series of random squares of `side_px`, different in each channel.
+/// The `n`-th pattern of a series: random squares of `side_px`, different in each channel.
 fn random_squares(size: Size, series: u64, n: usize, side_px: usize) -> Frame<Work> {
     let coarse = Size::new(size.width.div_ceil(side_px), size.height.div_ceil(side_px));
     Frame::from_fn(|c| {
@@ -80,7 +80,7 @@ pub(super) fn random(series: u64, pixel_px: usize) -> impl Fn(&Session<'_>, usiz
 pub(super) struct Patterns<'a> {
     pub(super) count: usize,
     pub(super) nth: &'a dyn Fn(&Session<'_>, usize) -> Frame<Work>,
-    /// Side of their squares, to which captures are averaged.
+    /// Side of the patterns' squares, to which captures are averaged.
     pub(super) pixel_px: usize,
 }
 
@@ -93,13 +93,13 @@ fn averaged(plane: &Plane, pixel_px: usize) -> Plane {
     })
 }
 
-/// `picture` on grey.
+/// `picture` plus grey.
 pub(super) fn on_grey(picture: &Frame<Work>) -> Frame<Work> {
     Frame::from_fn(|c| picture.plane(c).map(|v| GREY + v))
 }
 
-/// `picture` on grey as a perfect lens would see it on the panel displaced by `at_px`, minus grey:
-/// the input of the lens model.
+/// Light that a perfect lens would see if the panel, displaced by `at_px`, showed `picture` on
+/// grey, minus grey: the input of the lens model.
 fn on_panel(correction: &Correction, picture: &Frame<Work>, at_px: (f64, f64)) -> Frame<Work> {
     let seen = correction.by_perfect_lens(&Channel::ALL, &on_grey(picture), at_px);
     Frame::from_fn(|c| seen.plane(c).map(|v: f32| v - GREY))
@@ -112,13 +112,13 @@ pub(super) struct Series<'a> {
     pub(super) shots: Arc<[Vec<Shot>; 3]>,
     /// 1 where all captures can be trusted, per channel.
     pub(super) trusted: Arc<Frame<Work, u8>>,
-    /// Green light captured of the first pattern.
+    /// Green light in the capture of the first pattern.
     pub(super) first: Plane,
-    /// Places of the panel in the captures.
+    /// Place of the panel in each capture.
     pub(super) places: Vec<PanelPlace>,
 }
 
-/// Shows `patterns` and grey.
+/// Captures grey and `patterns`.
 pub(super) fn shoot<'a>(
     session: &mut Session<'_>,
     correction: &Correction,
@@ -166,9 +166,9 @@ pub(super) fn shoot<'a>(
 }
 
 impl Series<'_> {
-    /// Fits the places of the panel in the captures to their predictions by `model`, whose
-    /// functions are off centre by `off_px`, and moves what was shown there; false if the panel
-    /// stayed where it was thought to be.
+    /// Registers each capture to its prediction by `model`, whose functions are off centre by
+    /// `off_px`, and moves what was shown to the place found. Returns false if the panel was where
+    /// it had been assumed.
     pub(super) fn follow(
         &mut self,
         session: &mut Session<'_>,
@@ -189,7 +189,7 @@ impl Series<'_> {
                 area: Rect { x: 0, y: 0, size: seen.size() },
                 channels: &Channel::ALL,
             };
-            // Pixel by pixel: means of random patterns over cells have little contrast.
+            // Registered pixel by pixel: means of random patterns over cells have little contrast.
             let (x, y) = Registration::fit(&comparison, 1).shift_px;
             let (x, y) = (pixel_px as f64 * x, pixel_px as f64 * y);
             is_still &= x.hypot(y) <= motion::STILL_PX;
@@ -211,8 +211,8 @@ impl Series<'_> {
     }
 }
 
-/// Removes the noise of a capture of grey by a smooth surface. Where the panel ends with the canvas
-/// grey falls off at the border and stays as captured.
+/// Removes the noise of a capture of grey by a smooth surface. Where the panel ends with the
+/// canvas, grey falls off at the border, and the capture is returned unchanged.
 fn smooth_grey(session: &Session<'_>, grey: &Seen) -> Result<Frame<Work>, CalibrateError> {
     let mut flat = grey.light.clone();
     if rim_px(session.config) > 0 {
@@ -227,9 +227,9 @@ fn smooth_grey(session: &Session<'_>, grey: &Seen) -> Result<Frame<Work>, Calibr
     Ok(flat)
 }
 
-/// Removes the beat of the panel's columns from `seen`, the capture of a pattern on grey. There is
-/// no lens model yet: within large squares the light equals what was `shown`, and finer patterns
-/// count as noise about grey.
+/// Removes the beat of the panel's columns from `seen`, the capture of the pattern `shown` on grey.
+/// There is no lens model yet: within large squares the expected light equals what was shown, and
+/// finer patterns count as noise about grey.
 fn remove_beat(
     session: &Session<'_>,
     correction: &Correction,
@@ -258,8 +258,8 @@ fn remove_beat(
     }
 }
 
-/// Gain of the capture of grey in each channel against the calibrated brightness; a backlight's
-/// flicker would otherwise count as light lost by patterns. 1 where the panel ends with the canvas.
+/// Gain of the capture of grey in each channel against the calibrated brightness: flicker of a
+/// backlight must not count as light lost by patterns. 1 where the panel ends with the canvas.
 fn grey_scale(session: &Session<'_>, grey: &Seen, flat: &Frame<Work>) -> [f32; 3] {
     if rim_px(session.config) > 0 {
         return [1.0; 3];
@@ -278,8 +278,8 @@ fn grey_scale(session: &Session<'_>, grey: &Seen, flat: &Frame<Work>) -> [f32; 3
     })
 }
 
-/// Gain of a capture of a pattern on grey against the capture of that grey. A lens moves light and
-/// keeps its sum. 1 where the panel ends with the canvas, as light is lost there.
+/// Gain of the capture of a pattern on grey against that of grey alone, by sums of light, which a
+/// lens preserves. 1 where the panel ends with the canvas, as light is lost there.
 fn pattern_gain(
     session: &Session<'_>,
     seen: &Seen,

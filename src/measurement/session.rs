@@ -14,7 +14,7 @@ use crate::frame::{Codes, Counts, Frame, Plane, SensorSpace, Work};
 use crate::rig::RigError;
 use crate::rig::exposure::Devices;
 
-/// Interval of checking for cancellation during a computation.
+/// Interval between checks for cancellation during a computation.
 const POLL: Duration = Duration::from_millis(5);
 
 /// Progress of a calibration.
@@ -22,13 +22,13 @@ const POLL: Duration = Duration::from_millis(5);
 pub struct CalibrationProgress {
     /// Current step.
     pub step: &'static str,
-    /// Captures made.
+    /// Number of captures made so far.
     pub captures: u32,
-    /// Captures of the whole calibration.
+    /// Number of captures of the whole calibration.
     pub total: u32,
 }
 
-/// A watch that never cancels.
+/// Callback for [`super::calibrate`] that never cancels.
 pub fn to_the_end(_: CalibrationProgress) -> ControlFlow<()> {
     ControlFlow::Continue(())
 }
@@ -38,7 +38,7 @@ pub(super) struct Session<'a> {
     pub(super) rig: &'a mut Devices,
     pub(super) config: &'a config::RigFile,
     pub(super) layout: Layout,
-    /// Linearisation of the camera's counts, once measured.
+    /// Linearisation of the camera's counts; straight until it is measured.
     pub(super) curve: CameraCurve,
     watch: &'a mut dyn FnMut(CalibrationProgress) -> ControlFlow<()>,
     given_up: bool,
@@ -73,14 +73,14 @@ impl<'a> Session<'a> {
         self.given_up |= (self.watch)(self.progress).is_break();
     }
 
-    /// Reports progress; fails after a cancellation.
+    /// Reports progress, and fails if the calibration was cancelled.
     pub(super) fn go_on(&mut self) -> Result<(), CalibrateError> {
         self.report();
         if self.given_up { Err(CalibrateError::GivenUp) } else { Ok(()) }
     }
 
-    /// Runs `work` on a thread of its own, which is abandoned after a cancellation. A hang shows to
-    /// the watchdog as missing progress.
+    /// Runs `work` on a thread of its own, which is abandoned after a cancellation. If `work`
+    /// hangs, the watchdog notices that progress is missing.
     pub(super) fn computed<T: Send + 'static>(
         &mut self,
         work: impl FnOnce() -> T + Send + 'static,
@@ -97,18 +97,18 @@ impl<'a> Session<'a> {
         thread.join().map_err(|panic| std::panic::resume_unwind(panic))
     }
 
-    /// Captures so far.
+    /// Number of captures so far.
     pub(super) fn captures(&self) -> u32 {
         self.progress.captures
     }
 
-    /// An error of the rig in this step.
+    /// Converts errors of the rig to errors of the current step.
     fn failed(&self) -> impl Fn(RigError) -> CalibrateError + use<> {
         let step = self.progress.step;
         move |source| CalibrateError::Rig { step, source }
     }
 
-    /// Captures `codes`.
+    /// Captures `codes` once.
     pub(super) fn raw(&mut self, codes: &Codes) -> Result<Counts, CalibrateError> {
         let failed = self.failed();
         let exposed = self.rig.capture(codes).map_err(failed)?;
@@ -117,13 +117,13 @@ impl<'a> Session<'a> {
         Ok(exposed.counts)
     }
 
-    /// Sets the exposure to `times` that of the rig file; false if it cannot be set.
+    /// Sets the exposure to `times` that of the rig file; returns false if the camera cannot.
     pub(super) fn expose_times(&mut self, times: f64) -> Result<bool, CalibrateError> {
         let failed = self.failed();
         self.rig.expose_times(times).map_err(failed)
     }
 
-    /// Captures `codes` as often as the rig file asks, averaged and linearised.
+    /// Captures `codes` as often as the rig file asks; returns the linearised mean.
     pub(super) fn counts(&mut self, codes: &Codes) -> Result<Frame<SensorSpace>, CalibrateError> {
         let times = self.config.calibration.captures_averaged.max(1);
         let mut sum = Frame::<SensorSpace>::zeros(self.layout.sensor);
@@ -137,7 +137,7 @@ impl<'a> Session<'a> {
         Ok(sum)
     }
 
-    /// Mean of `exposures` of `codes`, at least one, linearised; shown once.
+    /// Shows `codes` once; returns the linearised mean of `exposures`, at least one.
     pub(super) fn mean(
         &mut self,
         codes: &Codes,
@@ -159,8 +159,8 @@ impl<'a> Session<'a> {
         Ok(Frame::from_planes(sums.planes().each_ref().map(mean)))
     }
 
-    /// Captures `picture` (canvas-sized light) as often as the rig file asks, averaged; trusted
-    /// where all captures are.
+    /// Captures `picture` (canvas-sized light) as often as the rig file asks; returns the mean. A
+    /// pixel is trusted if it is trusted in all captures.
     pub(super) fn seen(
         &mut self,
         correction: &Correction,
@@ -198,7 +198,7 @@ pub(super) fn rim_px(config: &config::RigFile) -> usize {
     }
 }
 
-/// Fits a smooth surface to a flat capture without `rim_px` at the canvas's border.
+/// Fits a smooth surface to a flat capture, ignoring `rim_px` at the canvas's border.
 pub(super) fn smooth(
     plane: &Plane,
     layout: &Layout,

@@ -7,10 +7,10 @@ use crate::calibration::{Calibration, dark_corner};
 use crate::frame::{Channel, Frame, Plane, Rect, SensorSpace};
 use crate::patterns;
 
-/// Exposures of black: enough to separate hot sites from noise.
+/// Number of exposures of black: enough to separate hot sites from noise.
 pub(super) const DARKS: usize = 8;
-/// Code of the flats, three quarters of white's light: as bright as photos, and below a sensor's
-/// knee.
+/// Code of the flats, which gives three quarters of white's light: as bright as photos, and below a
+/// sensor's knee.
 const CODE: u8 = 224;
 
 /// Mean counts of a black panel and of a flat.
@@ -19,7 +19,7 @@ pub(super) struct Flats {
     light: Frame<SensorSpace>,
 }
 
-/// Captures the flats, if the rig file asks for them; first of all, as the panel drifts meanwhile.
+/// Captures the flats if the rig file asks for them. Precedes geometry, as the panel drifts.
 pub(super) fn expose(session: &mut Session<'_>) -> Result<Option<Flats>, CalibrateError> {
     let flats = session.config.calibration.response_flats;
     if flats == 0 {

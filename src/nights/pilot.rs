@@ -2,8 +2,8 @@
 //!
 //! The lens model predicts the capture. Each channel of the capture is fitted to its prediction
 //! with shift, gain and added light ([`Registration::fit_with_offset`]); the difference of two
-//! captures gives their noise. Drift is the change of these figures since the calibration, right
-//! after which the same fit was made.
+//! captures gives their noise. Drift is the change of these figures since the fit that was made
+//! right after the calibration.
 
 use serde::{Deserialize, Serialize};
 
@@ -15,8 +15,8 @@ use crate::frame::{Channel, Frame, Plane, Rect, Size, Work};
 use crate::light_path::LightPath;
 use crate::remedy::AnyFailure;
 
-/// Side of the pilot's squares, Work pixels: wide against the blur, so that their middles give the
-/// brightness and their edges the position.
+/// Side of the pilot's squares, Work pixels: much wider than the blur, so that their middles give
+/// the brightness and their edges the position.
 const SQUARE_PX: usize = 16;
 
 /// Range of the pilot's light, grey levels: away from black and white, where captures clip.
@@ -42,7 +42,7 @@ pub struct PilotFit {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct PilotReading(pub [PilotFit; 3]);
 
-/// Change of the rig since its calibration; each in its worst channel.
+/// Change of the rig since its calibration. Each value is that of its worst channel.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub struct Drift {
@@ -56,10 +56,10 @@ pub struct Drift {
     pub noise_ratio: f64,
 }
 
-/// Limits of drift. The displacement costs 1 % of the gain in dB, 0.5 px 5 % and 1 px a quarter, as
-/// captures are registered, but the panel's pixels are taken to be where the calibration saw them
-/// (`small.toml`, 2 photos, November 2026). The others are guesses; the panel's noise and a
-/// camera's gain vary by less.
+/// Limits of drift. A displacement of 0.25 px costs 1 % of the gain in dB, 0.5 px 5 % and 1 px a
+/// quarter: captures are registered, but the panel's pixels are taken to be where the calibration
+/// saw them (`small.toml`, 2 photos, November 2026). The other limits are guesses; the panel's
+/// noise and a camera's gain vary by less.
 pub const LIMITS: Drift =
     Drift { shift_px: 0.25, gain_percent: 3.0, offset_levels: 1.0, noise_ratio: 1.5 };
 
@@ -111,7 +111,7 @@ impl Drift {
         (!complaints.is_empty()).then(|| complaints.join("; "))
     }
 
-    /// Largest difference to `other`, as a share of [`LIMITS`].
+    /// Largest difference from `other`, as a share of the value's limit in [`LIMITS`].
     pub fn difference(&self, other: &Drift) -> f64 {
         [
             (self.shift_px - other.shift_px) / LIMITS.shift_px,
@@ -221,7 +221,7 @@ mod tests {
             (fit.shift_x_px - 0.2).abs() < 0.005 && (fit.shift_y_px + 0.1).abs() < 0.005,
             "{fit:?}"
         );
-        // ±0.5 against ∓0.5 differ by 1: as two captures with a noise of √½ do.
+        // The captures differ by 1 everywhere, as two captures with a noise of √½ do.
         assert!((fit.noise_levels - 0.5f64.sqrt()).abs() < 1e-3, "{fit:?}");
     }
 

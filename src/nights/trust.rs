@@ -13,20 +13,20 @@ pub fn unix_s(time: SystemTime) -> f64 {
 /// Smallest jump of the calendar against the monotonic clock that is reported, seconds.
 pub(crate) const JUMP_S: f64 = 60.0;
 
-/// Judge of the calendar.
+/// Judges whether the calendar can be trusted.
 #[derive(Debug, Clone)]
 pub struct Calendar {
     source: ClockSource,
     /// Latest trusted time, seconds since 1970 UTC.
     pub(crate) floor_unix_s: f64,
-    /// Last reading: monotonic, calendar.
+    /// Last reading: monotonic clock and calendar, seconds.
     last: Option<(f64, f64)>,
 }
 
 /// Trust in a reading of the calendar.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Trust {
-    /// The time is trusted; the jump of the calendar since the last reading, seconds, if any.
+    /// The time is trusted. Holds the jump of the calendar since the last reading, seconds, if any.
     Trusted(Option<f64>),
     /// The clock was not set since the box was switched on.
     NotSet,

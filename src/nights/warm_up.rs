@@ -6,7 +6,7 @@ use super::pilot::Drift;
 /// Consecutive pilots that must agree.
 const STEADY_PILOTS: usize = 3;
 
-/// Largest difference of agreeing pilots, as a share of the limits. Guess.
+/// Largest difference between agreeing pilots, as a share of the limits. Guess.
 const STEADY_SHARE: f64 = 0.25;
 
 /// Longest warm-up, minutes. Guess.
@@ -36,7 +36,7 @@ impl WarmUp {
         WarmUp { begun_s: now_s, seen: Vec::new() }
     }
 
-    /// Adds a pilot read at `now_s`.
+    /// Adds the `drift` that a pilot measured at `now_s`; returns the state of the warm-up.
     pub fn add(&mut self, drift: Drift, now_s: f64) -> Warmth {
         self.seen.push(drift);
         let last = &self.seen[self.seen.len().saturating_sub(STEADY_PILOTS)..];

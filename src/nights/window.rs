@@ -6,7 +6,7 @@ use jiff::{Timestamp, ToSpan, Zoned};
 
 use crate::config::{self, Nights};
 
-/// Hours in a time zone, in local time also across daylight saving.
+/// Hours in a time zone, which keep to local time through changes of daylight saving.
 #[derive(Debug, Clone)]
 pub struct Window {
     minutes: config::NightMinutes,
@@ -26,13 +26,13 @@ pub enum Hours {
 }
 
 impl Window {
-    /// The window of a rig file; `None` for an invalid one.
+    /// The window of `nights`; `None` if its hours or its time zone are invalid.
     pub fn new(nights: &Nights) -> Option<Window> {
         let zone = TimeZone::get(&nights.time_zone).ok()?;
         Some(Window { minutes: nights.minutes()?, zone, zone_name: nights.time_zone.clone() })
     }
 
-    /// Position of `unix_s`, seconds since 1970 UTC.
+    /// Position of the time `unix_s`, seconds since 1970 UTC.
     pub fn at(&self, unix_s: f64) -> Hours {
         let Some((from, to)) = self.minutes else { return Hours::Open { remaining_s: None } };
         let Ok(stamp) = Timestamp::from_millisecond((unix_s * 1e3) as i64) else {
@@ -63,8 +63,9 @@ impl Window {
         Hours::Closed { opens_in_s, words }
     }
 
-    /// Time of the local `minute` on the day `days` after that of `now`. A time skipped by daylight
-    /// saving is the one as long after midnight; of a repeated one, the first.
+    /// Seconds since 1970 UTC of the local `minute` of the day that is `days` after `now`'s. A time
+    /// that daylight saving skips is moved on by the gap; of a repeated time, the first is
+    /// returned.
     fn at_local_time(&self, now: &Zoned, days: i64, minute: u16) -> Option<f64> {
         let date = now.date().checked_add(days.days()).ok()?;
         let time = Time::new((minute / 60) as i8, (minute % 60) as i8, 0, 0).ok()?;

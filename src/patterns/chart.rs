@@ -117,7 +117,7 @@ impl Shape {
     }
 }
 
-/// Digits on 3 × 5 cells; one number per row, left cell highest.
+/// Bitmaps of the digits on 3 × 5 cells: one number per row, with the left cell in the highest bit.
 const DIGITS: [[u8; 5]; 10] = [
     [0b111, 0b101, 0b101, 0b101, 0b111],
     [0b010, 0b110, 0b010, 0b010, 0b111],
@@ -167,7 +167,7 @@ fn marks(width: f64) -> Vec<InkMark> {
     marks.all
 }
 
-/// ChartMarks, in drawing order.
+/// Marks of a chart `width` picture heights wide, in drawing order.
 struct ChartMarks {
     width: f64,
     all: Vec<InkMark>,
@@ -271,7 +271,7 @@ impl ChartMarks {
         }
     }
 
-    /// Columns and rows of digits on cells of `cell`, centred at x, from y downwards.
+    /// Puts columns and rows of digits on cells of `cell`, centred at x, from y downwards.
     fn put_digits(&mut self, (x, y): (f64, f64), count: Size, cell: f64) {
         for k in 0..count.area() {
             let (column, row) = ((k % count.width) as f64, (k / count.width) as f64);

@@ -29,8 +29,8 @@ pub struct GradationBlock {
 }
 
 impl Gradation {
-    /// Blocks of `block_px` panel pixels with the codes of `levels`, equally often, in an order by
-    /// `seed`.
+    /// Creates a gradation of blocks of `block_px` panel pixels, in which the codes of `levels` are
+    /// equally frequent, in an order derived from `seed`.
     pub fn new(size: Size, block_px: usize, levels: &[u8], seed: u64) -> Gradation {
         let block_px = block_px.max(1);
         let (columns, rows) = (size.width.div_ceil(block_px), size.height.div_ceil(block_px));
@@ -46,12 +46,12 @@ impl Gradation {
         (0..=last).map(|n| ((255 * n + last / 2) / last) as u8).collect()
     }
 
-    /// The picture in one channel, with 0 in the others.
+    /// The gradation in one channel, with 0 in the others.
     pub fn in_channel(&self, channel: Channel) -> Codes {
         Frame::from_fn(|c| if c == channel { self.plane() } else { Plane::zeros(self.size) })
     }
 
-    /// The same picture in all three channels.
+    /// The gradation in all three channels alike.
     pub fn grey(&self) -> Codes {
         Frame::from_fn(|_| self.plane())
     }
@@ -62,7 +62,7 @@ impl Gradation {
         })
     }
 
-    /// All whole blocks.
+    /// The blocks that lie wholly on the panel.
     pub fn blocks(&self) -> impl Iterator<Item = GradationBlock> + '_ {
         let centre = |n: usize| (n * self.block_px) as f64 + (self.block_px as f64 - 1.0) / 2.0;
         (0..self.rows * self.columns)

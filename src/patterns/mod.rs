@@ -1,7 +1,7 @@
 //! Pictures for checking and measuring a rig, and a test chart.
 //!
-//! Pictures in panel pixels ([`Codes`]) serve before calibration; pictures in light ([`Plane`],
-//! 0..255, Work) need response curve and geometry to be shown.
+//! Pictures in panel pixels ([`Codes`]) can be shown before calibration; pictures in light
+//! ([`Plane`], 0..255, Work) need the response curve and the geometry to be shown.
 
 pub mod chart;
 mod gradation;
@@ -14,7 +14,7 @@ use crate::frame::{Channel, Codes, Frame, Plane, Size};
 pub use chart::chart;
 pub use gradation::{Gradation, GradationBlock};
 
-/// One bright spot per channel, at [`locator_spots`], for a panel of `size`.
+/// A picture of one bright spot per channel, at [`locator_spots`], for a panel of `size`.
 pub fn locator(size: Size) -> Codes {
     let (radius, spots) = (locator_radius_px(size), locator_spots(size));
     Codes::from_fn(|c| {
@@ -26,9 +26,9 @@ pub fn locator(size: Size) -> Codes {
     })
 }
 
-/// Positions of the locator's spots, panel pixels: red left of the centre, green right of it, blue
-/// below. They are near the centre, to be in view of a badly aimed camera, and not collinear, to
-/// give position, rotation, magnification and reflection.
+/// Positions of the locator's spots, panel pixels: red to the left of the centre, green to the
+/// right, blue below. They are near the centre, so that even a badly aimed camera sees them, and
+/// not collinear, so that they give position, rotation, magnification and reflection.
 pub fn locator_spots(size: Size) -> [(f64, f64); 3] {
     let (w, h) = (size.width as f64, size.height as f64);
     let (cx, cy) = ((w - 1.0) / 2.0, (h - 1.0) / 2.0);
@@ -40,12 +40,12 @@ fn locator_radius_px(size: Size) -> f64 {
     size.height as f64 / 24.0
 }
 
-/// One code per channel over the whole panel.
+/// A uniform picture with one code per channel.
 pub fn flat(size: Size, codes: [u8; 3]) -> Codes {
     Frame::from_fn(|c| Plane::filled(size, codes[c.index()]))
 }
 
-/// `code` in one channel over the whole panel, 0 in the others.
+/// A uniform picture with `code` in one channel and 0 in the others.
 pub fn flat_of(size: Size, channel: Channel, code: u8) -> Codes {
     let mut codes = [0; 3];
     codes[channel.index()] = code;
@@ -67,7 +67,7 @@ pub fn checkerboard(size: Size, square_px: usize, channel: Channel) -> Codes {
     })
 }
 
-/// White pseudo-random ±1 of zero mean (one 0 if the area is odd), reproducible by the seed.
+/// Pseudo-random ±1, white and of zero mean (one 0 if the area is odd), reproducible by `seed`.
 pub fn pseudo_random(size: Size, seed: u64) -> Plane {
     let mut random = Xoshiro256PlusPlus::seed_from_u64(seed);
     let half = size.area() / 2;

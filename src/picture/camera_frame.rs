@@ -1,8 +1,8 @@
-//! Frames of cameras that code them as JPEG (`MJPG`), decoded into counts.
+//! Decoding of camera frames that are coded as JPEG (`MJPG`) into counts.
 //!
 //! Such frames often omit the code tables, which are then the standard ones (ITU-T T.81, annex K).
-//! A frame that is cut, or lacks codes for some blocks, is refused, for the decoder would fill the
-//! rest with grey.
+//! A frame that is cut, or lacks codes for some blocks, is refused, because the decoder would fill
+//! the rest with grey.
 
 use super::decode::{Limits, decode};
 use super::{Flaw, jpeg};
@@ -11,7 +11,7 @@ use crate::frame::{Counts, Size};
 /// Longest frame, bytes a pixel: more than uncoded samples take.
 const BYTES_A_PIXEL_MAX: usize = 4;
 
-/// The counts in `bytes`, a frame of a camera of `size`; a grey frame fills all three planes.
+/// The counts in `bytes`, a camera's frame of `size`; a grey frame fills all three planes.
 ///
 /// # Errors
 /// The [`Flaw`] of a frame that is damaged or of another size.
@@ -29,7 +29,7 @@ pub fn camera_frame(bytes: &[u8], size: Size) -> Result<Counts, Flaw> {
     let with_codes = jpeg::with_usual_codes(bytes);
     let bytes = with_codes.as_deref().unwrap_or(bytes);
     let raster = decode(bytes, &limits)?;
-    // The samples need not agree with the coefficients, for strong colours are clipped.
+    // `raster.coding` will not do: samples of strong colours are clipped and do not agree with it.
     let has_all = || jpeg::coefficients(bytes).is_ok_and(|of| of.is_some_and(|of| of.size == size));
     if raster.size != size || !has_all() {
         return Err(Flaw::Damaged {

@@ -25,7 +25,7 @@ impl Lab {
 
     /// The colour of red, green and blue light 0..1.
     fn of([r, g, b]: [f64; 3]) -> Lab {
-        // Each row of the standard's matrix over its sum, so that grey codes are grey.
+        // Each row of the standard's matrix is divided by its sum, so that grey codes are grey.
         let over_white = |[x, y, z]: [f64; 3]| (x * r + y * g + z * b) / (x + y + z);
         let root = |t: f64| match t > (6.0f64 / 29.0).powi(3) {
             true => t.cbrt(),

@@ -37,7 +37,7 @@ pub struct Limits {
 }
 
 impl Limits {
-    /// The same limits for photos on `grid`, or what a photo of its sensor takes if that is more.
+    /// These limits for photos on `grid`, raised to what a photo of its whole sensor takes.
     #[must_use]
     pub fn on(self, grid: PhotoGrid) -> Limits {
         let pixels = grid.sensor.area() as u64;
@@ -74,15 +74,15 @@ pub(super) fn bits_of(colour: ColorType) -> u8 {
 pub(super) struct Raster {
     pub(super) content: Content,
     pub(super) size: Size,
-    /// Of 8 or 16 bits a sample.
+    /// Channels of a pixel, with 8 or 16 bits a sample.
     pub(super) colour: ColorType,
-    /// Pixel by pixel, full scale 255 or 65535.
+    /// Samples pixel by pixel; full scale is 255 or 65535.
     pub(super) samples: Vec<u16>,
     pub(super) orientation: Orientation,
     pub(super) icc: Option<Vec<u8>>,
     /// The raw EXIF block, from its TIFF header on.
     pub(super) exif: Option<Vec<u8>>,
-    /// What its result lacks.
+    /// Parts of the file that its result lacks.
     pub(super) lost: BTreeSet<Lost>,
     pub(super) coding: Option<Coding>,
     /// Whether the file states sRGB's colours.
@@ -93,9 +93,10 @@ pub(super) struct Raster {
 pub(super) struct Heading {
     pub(super) content: Content,
     walked: Walked,
-    /// The raw photo in it.
+    /// The raw photo in the file, if any.
     pub(super) raw: Option<RawFile>,
-    /// A JPEG's coefficients or their lack, where its zeros had to be decoded.
+    /// Coefficients of a JPEG that was decoded because of its long runs of zeros; the inner `None`
+    /// for a kind whose coefficients are not read.
     coding: Option<Option<Coding>>,
 }
 
@@ -119,7 +120,7 @@ pub(super) fn walk(bytes: &[u8], limits: &Limits) -> Result<Heading, Flaw> {
                 }
             }
         }
-        // Their size is checked by the decoder's header, before anything is allocated.
+        // Their size is checked in the header that the decoder reads, before anything is allocated.
         Content::Bmp | Content::Gif | Content::Pnm | Content::Webp => others::walk(bytes, content)?,
     };
     let mut heading = Heading { content, walked, raw, coding: None };
@@ -128,7 +129,7 @@ pub(super) fn walk(bytes: &[u8], limits: &Limits) -> Result<Heading, Flaw> {
         return Err(Flaw::Oversized { found, allowed: limits.pixels_max });
     }
     // Flat areas may be coded in zero bits, so that only decoding shows whether data are missing. A
-    // photo of another shape is refused without.
+    // photo of another shape is refused later, and not decoded here.
     let upright = Orientation::NoTransforms;
     let fits = |grid| shape::check(found, upright, grid).is_ok();
     if let Some(Range { start: from, end: to }) = heading.walked.zeros
@@ -143,18 +144,18 @@ pub(super) fn walk(bytes: &[u8], limits: &Limits) -> Result<Heading, Flaw> {
 /// Decodes a whole developed photo.
 ///
 /// # Errors
-/// The [`Flaw`] of the file; nothing large is allocated before the header's size is found within
-/// `limits`.
+/// The [`Flaw`] of the file; nothing large is allocated before the size in its header has been
+/// found to be within `limits`.
 pub(super) fn decode(bytes: &[u8], limits: &Limits) -> Result<Raster, Flaw> {
     walk(bytes, limits)?.decode(bytes, limits)
 }
 
 impl Heading {
-    /// Decodes the developed photo in `bytes`, which were walked.
+    /// Decodes the developed photo in `bytes`, from which [`walk`] made this heading.
     pub(super) fn decode(self, bytes: &[u8], limits: &Limits) -> Result<Raster, Flaw> {
         let Heading { content, walked, coding, .. } = self;
         let Walked { lost, colours, exif, is_multiplied, .. } = walked;
-        // Decoders may panic on hostile files, by their own notes.
+        // Decoders may panic on hostile files, as their documentation states.
         let decoded = catch_unwind(AssertUnwindSafe(|| {
             let mut raster =
                 collect(decoder(Cursor::new(bytes), content, limits), content, limits)?;
@@ -195,13 +196,14 @@ impl Heading {
 }
 
 impl Raster {
-    /// The number of samples of a pixel.
+    /// Samples per pixel.
     pub(super) fn step(&self) -> usize {
         self.colour.channel_count().into()
     }
 
-    /// Sets the profile of `colours`, which the file states elsewhere than in a profile. Numbers
-    /// count more than a profile, all else less (PNG specification, third edition, §4.3).
+    /// Sets the profile of `colours`, which the file states elsewhere than in a profile. Coded
+    /// numbers (cICP) take precedence over a profile, and a profile over all else (PNG
+    /// specification, third edition, §4.3).
     fn state(&mut self, colours: Option<StatedColours>) {
         let is_coded = matches!(colours, Some(StatedColours::Coded(_)));
         if self.icc.is_some() && !is_coded {
@@ -233,10 +235,10 @@ fn decoder_limits(limits: &Limits) -> image::Limits {
     inner
 }
 
-/// The varieties that are read.
+/// Varieties that are read, and what to do with others, for messages.
 const READ: &str = "grey and RGB of 8 or 16 bits; save it so in an image program and drop it again";
 
-/// The decoder of `input`, its header read.
+/// Creates the decoder of `input`, which reads the header.
 fn decoder<'a, R: BufRead + Seek + 'a>(
     input: R,
     content: Content,
@@ -255,8 +257,8 @@ fn decoder<'a, R: BufRead + Seek + 'a>(
     })
 }
 
-/// Refuses `file`, which begins with `head`, by its kind or its header's shape, as far as these are
-/// known without reading the rest. A JPEG's decoder would read it.
+/// Refuses `file`, which begins with `head`, by its kind or by the shape in its header, as far as
+/// these are known without reading the rest. JPEGs pass: their decoder would read the whole file.
 pub(super) fn check_head(mut file: &File, head: &[u8], limits: &Limits) -> Result<(), Flaw> {
     let content = match recognise(head) {
         Err(flaw @ (Flaw::Unread { .. } | Flaw::NotAPhoto { .. })) => return Err(flaw),

@@ -46,23 +46,23 @@ const CALIBRATION_ILLUMINANTS: [u16; 2] = [50778, 50779];
 const ACTIVE_AREA: u16 = 50829;
 const NOISE_PROFILE: u16 = 51041;
 
-/// [`PHOTOMETRIC`]: sites behind colour filters.
+/// Value of [`PHOTOMETRIC`] for sites behind colour filters.
 const SITES: usize = 32803;
-/// [`PHOTOMETRIC`]: demosaiced by a program, or of a sensor without colour filters.
+/// Value of [`PHOTOMETRIC`] for a demosaiced picture, or a sensor without colour filters.
 const LINEAR_RAW: usize = 34892;
-/// [`PHOTOMETRIC`]: grey.
+/// Value of [`PHOTOMETRIC`] for grey.
 const BLACK_IS_ZERO: usize = 1;
 
-/// [`CALIBRATION_ILLUMINANTS`]: D65.
+/// Value of [`CALIBRATION_ILLUMINANTS`] for D65.
 const D65: u16 = 21;
 
-/// [`MAKE`] of relens's own raw photos.
+/// Value of [`MAKE`] in relens's own raw photos.
 pub(crate) const OUR_MAKE: &str = "relens";
 
 /// Most directories, so that a hostile file does not keep the program busy. Guess.
 const DIRECTORIES_MAX: usize = 32;
 
-/// Fields whose one supported value is 1, also where they are missing.
+/// Fields, with their names, of which only the value 1 is supported, the default if missing.
 const ONLY: [(u16, &str); 5] = [
     (COMPRESSION, "compression"),
     (FILL_ORDER, "order of bits"),
@@ -88,26 +88,26 @@ pub(crate) fn camera_of(name: &str) -> String {
 pub(super) struct RawFile {
     pub(super) size: Size,
     pub(super) sites: Sites,
-    /// EXIF's number.
+    /// Orientation as EXIF's number.
     pub(super) orientation: u8,
-    /// What describes the photo, as an EXIF block.
+    /// Fields that describe the photo, as an EXIF block.
     pub(super) exif: Option<Vec<u8>>,
     pub(super) lost: BTreeSet<Lost>,
     /// The camera, as far as stated.
     pub(super) camera: Option<PhotoCamera>,
-    /// Its colours, unless sRGB's.
+    /// Conversion of the camera's colours; `None` if they are sRGB's, or not stated.
     pub(super) colours: Option<CameraColours>,
-    /// The stated noise of each channel: variance without light, and variance per grey level,
-    /// squared grey levels.
+    /// Stated noise of each channel: variance without light, and variance per grey level, squared
+    /// grey levels.
     pub(super) noise: Option<[[f32; 2]; 3]>,
     blocks: SiteBlocks,
-    /// The part of them that sees light.
+    /// The part of the sites that sees light.
     active: Rect,
-    /// The part of those that the file proposes to show (DNG 1.4, DefaultCropOrigin).
+    /// The part of the active sites that the file proposes to show (DNG 1.4, DefaultCropOrigin).
     crop: Option<Rect>,
 }
 
-/// The scale and pattern of counts.
+/// Scale of a sensor's counts, and pattern of its colour filters.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Sites {
     /// `None` for a sensor without colour filters.
@@ -169,13 +169,13 @@ pub(super) fn find(bytes: &[u8]) -> Result<Option<RawFile>, Flaw> {
 }
 
 impl RawFile {
-    /// The walk over the file; its size is that of all sites, masked ones included.
+    /// Result of the walk over the file, with the size of all sites, masked ones included.
     pub(super) fn walked(&self) -> Walked {
         Walked { size: Some(self.blocks.size), ..Walked::default() }
     }
 
-    /// The part of it that the file proposes to show, where that has a size of the rig's `grid` and
-    /// the whole has not.
+    /// Cuts the photo to the part that the file proposes to show, if that part has a size of the
+    /// rig's `grid` and the whole photo does not.
     pub(super) fn on(mut self, grid: Option<PhotoGrid>) -> RawFile {
         let fits = |size| grid.is_some_and(|grid| [grid.sensor, grid.photo.size].contains(&size));
         let crop = self.crop.filter(|crop| !fits(self.size) && fits(crop.size));
@@ -190,7 +190,7 @@ impl RawFile {
         self
     }
 
-    /// Its counts, row by row, in the `bytes` of its file.
+    /// The counts of the photo, row by row, in the `bytes` of its file.
     pub(super) fn counts(&self, bytes: &[u8]) -> Vec<u16> {
         self.blocks.counts(bytes, self.active)
     }
@@ -202,7 +202,7 @@ impl Sites {
         (self.white - black) / FULL_SCALE
     }
 
-    /// The light (white at 255, with noise also below 0) of `counts`.
+    /// The light of `counts`: white is 255, and noise may be below 0.
     pub(super) fn light(&self, size: Size, counts: &[u16]) -> Plane {
         let (per_level, width) = (self.counts_per_level(), size.width);
         Plane::from_fn(size, |x, y| {
@@ -216,7 +216,7 @@ impl Directory<'_> {
         matches!(self.number(PHOTOMETRIC), Ok(Some(SITES | LINEAR_RAW)))
     }
 
-    /// The photo of its counts, which the `first` directory describes, too.
+    /// The raw photo whose sites are in this directory; the `first` directory may describe it, too.
     fn raw_file(&self, first: &Directory<'_>) -> Result<RawFile, Flaw> {
         let is_sites = self.number(PHOTOMETRIC)? == Some(SITES);
         if !is_sites && self.number(SAMPLES_PER_PIXEL)?.unwrap_or(1) > 1 {
@@ -272,7 +272,7 @@ impl Directory<'_> {
         })
     }
 
-    /// The part whose sites see light, where the filter pattern and black levels begin.
+    /// The part whose sites see light; the filter pattern and the black levels begin at its corner.
     fn active_area(&self, size: Size) -> Result<Rect, Flaw> {
         let Some(area) = self.numbers(ACTIVE_AREA)? else {
             return Ok(Rect { x: 0, y: 0, size });
@@ -288,7 +288,7 @@ impl Directory<'_> {
         Ok(Rect { x: left, y: top, size: Size::new(right - left, bottom - top) })
     }
 
-    /// The part of a picture of `size` that is proposed to be shown, if it is of whole sites.
+    /// The part of a picture of `size` that the file proposes to show, if stated in whole sites.
     fn default_crop(&self, size: Size) -> Option<Rect> {
         let pair = |tag| -> Option<[usize; 2]> {
             let numbers: [f32; 2] = self.reals(tag).ok()??.try_into().ok()?;
@@ -306,7 +306,7 @@ impl Directory<'_> {
         Some(PhotoCamera { name: exif::camera_in(self)?, serial: text(SERIAL), setting })
     }
 
-    /// The camera's colours, if stated and valid; of two matrices the one for daylight.
+    /// The camera's colours, if stated and valid; of two matrices, the one for daylight is used.
     fn colours(&self) -> Option<CameraColours> {
         let daylight = |&n: &usize| {
             self.number(CALIBRATION_ILLUMINANTS[n]).is_ok_and(|v| v == Some(D65.into()))
@@ -320,7 +320,7 @@ impl Directory<'_> {
         CameraColours::of_file(&of_xyz, [red, green, blue].map(f64::from))
     }
 
-    /// The stated noise, for all channels together or for each.
+    /// The stated noise of each channel; the file states it once for all channels, or for each.
     fn noise(&self) -> Option<[[f32; 2]; 3]> {
         let stated = self.reals(NOISE_PROFILE).ok().flatten()?;
         let each = match stated.len() {
@@ -352,7 +352,7 @@ impl Directory<'_> {
         })
     }
 
-    /// Black and white levels, without a mosaic.
+    /// Black and white levels, as [`Sites`] whose mosaic is still to be set.
     fn levels(&self, bits: usize) -> Result<Sites, Flaw> {
         let repeat = self.numbers(BLACK_REPEAT)?.unwrap_or_else(|| vec![1, 1]);
         let [rows @ 1..=2, columns @ 1..=2] = repeat[..] else {

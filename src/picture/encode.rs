@@ -13,7 +13,7 @@ use super::exif;
 use super::turn::{turn, turned_size, upright_place};
 use super::{Format, Manner, Photo, PictureError};
 
-/// JPEG quality of results, so that the loss stays below a capture's noise. Guess.
+/// JPEG quality of results, chosen so that the loss stays below a capture's noise. Guess.
 const QUALITY: u8 = 95;
 /// JPEG quality of the gallery's previews. Guess.
 const PREVIEW_QUALITY: u8 = 88;
@@ -174,7 +174,7 @@ fn write<E: ImageEncoder>(
         encoder.set_icc_profile(icc.clone()).map_err(image::ImageError::Unsupported)?;
     }
     if let Some(exif) = &manner.exif {
-        // The encoder of TIFF takes none.
+        // The TIFF encoder takes none; `exif::into_tiff` adds it later.
         let _ = encoder.set_exif_metadata(exif::of_result(exif, size));
     }
     encoder.write_image(raw, size.width as u32, size.height as u32, colour.into())

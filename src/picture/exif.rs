@@ -1,5 +1,5 @@
-//! The EXIF block of a result: with its picture sizes and without a thumbnail (EXIF 2.3, §4.5,
-//! §4.6); made of a TIFF's fields, or put into a TIFF.
+//! The EXIF block of a result, with the result's picture sizes and without a thumbnail (EXIF 2.3,
+//! §4.5, §4.6). It is made from a TIFF's fields, too, and written into a TIFF.
 
 use std::collections::BTreeMap;
 
@@ -21,20 +21,20 @@ const DESCRIPTIVE: [u16; 7] = [270, MAKE, MODEL, 305, 306, 315, 33432];
 /// Fields of EXIF that TIFF/EP keeps in the first directory: exposure time, aperture, sensitivity,
 /// date, focal length.
 const EXPOSURE: [u16; 5] = [33434, 33437, 34855, 36867, 37386];
-/// Longest block that a JPEG's segment holds beside its name, with some to spare.
+/// Longest EXIF block, in bytes: a JPEG's segment holds it beside its name, with some to spare.
 const BLOCK_BYTES_MAX: usize = 65_000;
 
 /// The fields of a directory by their tags.
 type Fields = BTreeMap<u16, Field>;
 
-/// The field with the place of a directory.
+/// The field that points to the directory at `to`.
 fn pointer(to: u32) -> Field {
     Field { kind: 4, count: 1, bytes: to.to_le_bytes().to_vec() }
 }
 
 /// The fields of `directory` that are `wanted`.
 fn fields(file: &File<'_>, directory: &Directory<'_>, wanted: impl Fn(u16) -> bool) -> Fields {
-    // The first of two counts.
+    // In reverse, so that the first of two entries with the same tag is kept.
     let each = directory.entries.iter().rev().filter(|(tag, _)| wanted(*tag));
     each.filter_map(|&(tag, entry)| Some((tag, Field::read(file, entry, usize::MAX).ok()?)))
         .collect()
@@ -63,8 +63,8 @@ fn append(out: &mut Vec<u8>, fields: &Fields) -> u32 {
     at as u32
 }
 
-/// Adds to `main` what describes the photo in the first directories `from` of `file`, and appends
-/// their EXIF and GPS to `out`. Maker's notes are not carried: they hold places in the file.
+/// Adds to `main` the descriptive fields of the directories at `from` in `file`, and appends their
+/// EXIF and GPS directories to `out`. Makers' notes are not carried: they contain file positions.
 fn describe(file: &File<'_>, from: &[usize], main: &mut Fields, out: &mut Vec<u8>) {
     let (mut exif, mut gps) = (Fields::new(), Fields::new());
     for first in from.iter().rev().filter_map(|&at| Directory::read(file, at).ok()) {
@@ -90,8 +90,8 @@ fn begin_at(out: &mut [u8], at: u32) {
     out[4..8].copy_from_slice(&at.to_le_bytes());
 }
 
-/// The EXIF block of a TIFF or raw photo by its first directories, at `from` in `file`; `None`
-/// where nothing describes the photo.
+/// The EXIF block of a TIFF or raw photo, made from the directories at `from` in `file`; `None` if
+/// no field describes the photo, or the block is too long.
 pub(super) fn of_tiff(file: &File<'_>, from: &[usize]) -> Option<Vec<u8>> {
     let (mut out, mut main) = (b"II*\0\0\0\0\0".to_vec(), Fields::new());
     describe(file, from, &mut main, &mut out);
@@ -100,8 +100,8 @@ pub(super) fn of_tiff(file: &File<'_>, from: &[usize]) -> Option<Vec<u8>> {
     (!main.is_empty() && out.len() <= BLOCK_BYTES_MAX).then_some(out)
 }
 
-/// The little-endian TIFF `bytes` of a result, with the photo's `exif`. The first directory is
-/// written anew, and the places in it stay.
+/// Adds the photo's `exif` to `bytes`, a result's little-endian TIFF. Its first directory is
+/// written anew; the data to which it points stay in place.
 pub(super) fn into_tiff(mut bytes: Vec<u8>, exif: &[u8]) -> Vec<u8> {
     let (result, photo) = (File::new(&bytes), File::new(exif));
     let (Ok(first), Ok(described)) = (Directory::first(&result), photo.u32(4)) else {
@@ -124,7 +124,7 @@ pub(super) fn camera_in(directory: &Directory<'_>) -> Option<String> {
     (!name.is_empty()).then_some(name)
 }
 
-/// Maker and model in the block `exif`. The programs of rpicam-apps state them beside the exposure.
+/// Maker and model in the block `exif`; rpicam-apps state them in the EXIF directory.
 pub(super) fn camera(exif: &[u8]) -> Option<String> {
     let file = File::new(exif);
     let first = Directory::first(&file).ok()?;
@@ -143,7 +143,7 @@ pub(super) fn is_adobe_rgb(exif: &[u8]) -> bool {
     }
 }
 
-/// The directories in a chain: width, height, and the tag of the next one.
+/// A chain of directories from the first one: the tags of width, height and the next directory.
 const DIRECTORIES: [[u16; 3]; 3] = [
     [IMAGE_WIDTH, IMAGE_LENGTH, EXIF_DIRECTORY],
     [0xa002, 0xa003, INTEROPERABILITY],
@@ -170,7 +170,7 @@ fn update(exif: &[u8], updated: &mut [u8], size: Size) -> Result<(), Flaw> {
                 write(&file, updated, entry, side)?;
             }
         }
-        // The second directory is the thumbnail's.
+        // The second directory describes the thumbnail.
         if width == IMAGE_WIDTH && directory.next()? != 0 {
             let field = directory.next_field();
             updated[field..field + 4].fill(0);
@@ -180,7 +180,7 @@ fn update(exif: &[u8], updated: &mut [u8], size: Size) -> Result<(), Flaw> {
     Ok(())
 }
 
-/// Writes the number of the entry at `entry`, a SHORT or a LONG.
+/// Writes `value` into the entry at `entry`, a SHORT or a LONG.
 fn write(file: &File<'_>, updated: &mut [u8], entry: usize, value: usize) -> Result<(), Flaw> {
     file.first(entry)?;
     let (at, big) = (entry + 8, file.big_endian);

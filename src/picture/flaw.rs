@@ -1,4 +1,4 @@
-//! Flaws of photo files, each with a sentence: what, found, allowed.
+//! Flaws of photo files; each message states what is wrong, what was found and what is allowed.
 
 use std::path::PathBuf;
 
@@ -18,7 +18,7 @@ pub enum Flaw {
     NotAFile { found: &'static str },
     #[error("the file is too long: found {found} bytes, allowed {allowed}")]
     TooLong { found: u64, allowed: u64 },
-    /// Zeros in place of the picture, as a copy leaves that reserved the space and did not fill it.
+    /// Zeros in place of the picture, as in a copy whose space was reserved but not filled.
     #[error(
         "the file was never filled: found nothing but zero bytes from byte {from} to byte {to} of \
          {length}, allowed picture data; copy it again"
@@ -44,7 +44,7 @@ pub enum Flaw {
          anew in an image program"
     )]
     Damaged { kind: &'static str, found: String, allowed: String },
-    /// More pixels than the limit, by the header, before anything is allocated.
+    /// More pixels than the limit, by the header; found before anything is allocated.
     #[error(
         "the picture is too large: found {found} pixels by its header, allowed {allowed} pixels \
          in all; save it smaller, in the same shape"
@@ -52,13 +52,13 @@ pub enum Flaw {
     Oversized { found: Size, allowed: u64 },
     #[error("this variety of {kind} is not read: found {found}, allowed {allowed}")]
     Unsupported { kind: &'static str, found: String, allowed: &'static str },
-    /// The decoder refused it, or panicked.
+    /// The decoder refused the file, or panicked.
     #[error(
         "the {kind} data cannot be decoded, allowed are whole and valid files; copy the file \
          again, or save it anew in an image program"
     )]
     Undecodable { kind: &'static str },
-    /// The result would be smaller, which the rig file refuses.
+    /// The result would be smaller than the photo, which the rig file forbids.
     #[error(
         "the result would be smaller than the photo: found {found}, allowed at most {allowed} by \
          run.larger-photos = \"refuse\" in the rig file; save the photo at that size, or remove \
@@ -78,8 +78,8 @@ pub enum Flaw {
          or develop it and save it as TIFF of 16 bits"
     )]
     RawSize { found: Size, allowed: Size, sensor: Size },
-    /// A raw photo that this rig's camera cannot have taken as it is set: the finding, and what is
-    /// allowed.
+    /// A raw photo that this rig's camera, as it is set, cannot have taken; the text states what
+    /// was found and what is allowed.
     #[error("this raw photo {0}")]
     OtherCamera(String),
 }
@@ -108,18 +108,18 @@ pub enum PictureError {
 }
 
 impl PictureError {
-    /// The refusal of `found`, which is no plain file.
+    /// The refusal of the file `name`, which is no plain file but `found`.
     pub fn not_a_file(name: &str, found: &'static str) -> PictureError {
         Flaw::NotAFile { found }.of(name)
     }
 
-    /// Whether the file is refused whatever follows.
+    /// Whether the refusal is final: more data would not change it.
     pub fn is_final(&self) -> bool {
         use PictureError::{Refused, RefusedByWorker};
         matches!(self, Refused { .. } | RefusedByWorker { .. }) && self.growth() == Growth::None
     }
 
-    /// Whether more of the file may follow.
+    /// Whether more of the file may still arrive.
     pub fn growth(&self) -> Growth {
         match self {
             PictureError::Refused { flaw, .. } => flaw.growth(),
@@ -138,7 +138,7 @@ impl Flaw {
         PictureError::Refused { name: name.to_owned(), flaw: self }
     }
 
-    /// The flaw of a file that ends in a hole of zero bytes, in place of `other`.
+    /// [`Flaw::ZeroFilled`] if `bytes` end in a hole of zeros, or else `other`.
     pub(super) fn hole_or(bytes: &[u8], other: Flaw) -> Flaw {
         let length = bytes.len();
         let zeros = bytes.iter().rev().take_while(|&&b| b == 0).count();
@@ -160,11 +160,11 @@ impl Flaw {
 /// Whether a refused file may still be incomplete.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub enum Growth {
-    /// No.
+    /// No: more data would not change the refusal.
     None,
     /// Perhaps: copies that fill a file out of order look like damage meanwhile.
     Possible,
-    /// Its end is missing.
+    /// Very likely: data are missing.
     Likely,
 }
 

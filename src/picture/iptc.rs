@@ -7,7 +7,7 @@ pub(super) const RESOURCES: &[u8] = b"Photoshop 3.0\0";
 const IPTC: u16 = 1028;
 
 /// Whether `resources` hold IPTC data. A resource is a signature, a number, a name and data; name
-/// and data begin with their length and are padded to an even one.
+/// and data begin with their length and are padded to an even length.
 pub(super) fn has_iptc(resources: &[u8]) -> bool {
     search(resources).unwrap_or(false)
 }

@@ -1,6 +1,6 @@
-//! Walks a JPEG's markers to its end, for the decoder accepts a file that is mostly missing.
+//! Walks a JPEG's markers to its end, because the decoder accepts a file that is mostly missing.
 //!
-//! Marker syntax: ITU-T T.81 annex B. A whole file goes from SOI over at least one scan to EOI;
+//! Marker syntax: ITU-T T.81 annex B. A whole file runs from SOI through at least one scan to EOI;
 //! what cameras append after EOI (previews, depth maps) is ignored.
 
 mod agreement;
@@ -23,8 +23,8 @@ pub(super) use coefficients::{coefficients, coefficients_with_zeros};
 pub(super) use earlier::earlier_coding;
 pub(super) use usual_codes::with_usual_codes;
 
-/// Application segments by the beginning of their marker and body, and what is lost with them.
-/// APP13 is searched for IPTC data.
+/// Application segments that are used, and those that are lost with their names; each is given by
+/// its marker and the beginning of its body. APP13 is searched for IPTC data.
 const APPLICATIONS: PartTable = PartTable {
     used: &[
         b"\xe0JF",
@@ -67,12 +67,12 @@ pub(super) fn walk(bytes: &[u8]) -> Result<Walked, Flaw> {
             walked.look_up(&APPLICATIONS, &kind, &begin);
         }
         match marker {
-            // SOF0..SOF15 but for DHT, JPG and DAC, which share the range.
+            // SOF0..SOF15 except DHT, JPG and DAC, which share the range.
             0xc0..=0xcf if !matches!(marker, 0xc4 | 0xc8 | 0xcc) => {
                 check_coding(marker)?;
                 frame = Some(frame_header(body)?);
             }
-            // JFIF, ITU-T T.871: two bytes of version, then the unit, 0 for a mere ratio.
+            // JFIF, ITU-T T.871: two bytes of version, then the unit, 0 if only a ratio is stated.
             0xe0 if body.starts_with(b"JFIF\0") => {
                 has_density |= body.get(7).is_some_and(|&unit| unit != 0);
             }
@@ -101,7 +101,7 @@ pub(super) fn walk(bytes: &[u8]) -> Result<Walked, Flaw> {
     if components == 4 {
         return Err(unsupported("four inks (CMYK)"));
     }
-    // EXIF states it too, and is carried.
+    // EXIF states the density, too, and the result carries EXIF.
     walked.lose(Lost::DENSITY, has_density && !has_exif);
     walked.lost.extend(behind_the_picture(&bytes[segments.at..]));
     walked.size = Some(size);
@@ -109,7 +109,7 @@ pub(super) fn walk(bytes: &[u8]) -> Result<Walked, Flaw> {
     Ok(walked)
 }
 
-/// What is lost with `rest`, the bytes behind a picture.
+/// The data lost with `rest`, the bytes after the end-of-image marker.
 fn behind_the_picture(rest: &[u8]) -> Option<Lost> {
     let is_filled = rest.iter().any(|&b| b != 0);
     let has = |words: &[u8]| rest.windows(words.len()).any(|w| w == words);
@@ -124,7 +124,7 @@ fn behind_the_picture(rest: &[u8]) -> Option<Lost> {
 struct Segment<'a> {
     marker: u8,
     body: &'a [u8],
-    /// The entropy-coded data of a scan; elsewhere empty, where the segment ends.
+    /// Range of a scan's entropy-coded data; for other segments, the empty range at their end.
     coded: Range<usize>,
 }
 
@@ -135,12 +135,12 @@ struct Segments<'a> {
 }
 
 impl<'a> Segments<'a> {
-    /// Of `bytes` that begin with SOI.
+    /// Creates an iterator over the segments of `bytes`, which must begin with SOI.
     fn new(bytes: &'a [u8]) -> Self {
         Segments { bytes, at: 2 }
     }
 
-    /// The segment of `marker`, whose length field is next.
+    /// Reads the segment of `marker`, whose length field is next.
     fn segment(&mut self, marker: u8) -> Result<Segment<'a>, Flaw> {
         let (bytes, at) = (self.bytes, self.at);
         let short = || ended_early(bytes, "a segment that is not all there");
@@ -175,8 +175,8 @@ impl<'a> Iterator for Segments<'a> {
     }
 }
 
-/// The marker from `at` on; `at` ends up past it. Bytes before it are skipped, as viewers do: some
-/// cameras pad their segments.
+/// The next marker at or after `at`, which moves past it. Bytes before the marker are skipped, as
+/// viewers do: some cameras pad their segments.
 fn next_marker(bytes: &[u8], at: &mut usize) -> Result<u8, Flaw> {
     loop {
         let rest = bytes.get(*at..).unwrap_or_default();
@@ -223,7 +223,7 @@ fn frame_header(body: &[u8]) -> Result<(Size, u8), Flaw> {
     Ok((size, components))
 }
 
-/// The end of the entropy-coded data from `at`: the next marker but a restart, or the file's end.
+/// The end of the entropy-coded data from `at`: the next marker but restarts, or the file's end.
 fn end_of_scan(bytes: &[u8], at: usize) -> usize {
     let mut i = at;
     while let Some(step) = bytes[i..].iter().position(|&b| b == 0xff) {
@@ -238,7 +238,7 @@ fn end_of_scan(bytes: &[u8], at: usize) -> usize {
     bytes.len()
 }
 
-/// The flaw of a file that stops.
+/// The flaw of a file that ends too early.
 fn ended_early(bytes: &[u8], found: &str) -> Flaw {
     let found = format!("{found} in {} bytes", bytes.len());
     Flaw::hole_or(bytes, Flaw::Truncated { kind: "JPEG", found, end: "its end-of-image marker" })

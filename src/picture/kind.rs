@@ -190,11 +190,12 @@ const FOREIGN: &[(usize, &[u8], &str)] = &[
     (0, b"<html", "a web page"),
 ];
 
-/// Bytes of a file that [`is_companion`] looks at.
+/// Bytes at the beginning of a file that [`is_companion`] examines.
 pub const HEAD_BYTES: u64 = 512;
 
-/// Whether a file called `name`, which is `usual` for files beside photos or not, and which begins
-/// with `head`, is no photo: a file named as one never is, nor is what begins as a photo.
+/// Whether a file called `name`, beginning with `head`, is a companion of photos and no photo.
+/// `usual` states whether the name is usual for companions. A file that is named as a photo, or
+/// begins like one, is never a companion.
 pub fn is_companion(name: &OsStr, usual: bool, head: impl FnOnce() -> Option<Vec<u8>>) -> bool {
     let ending = Path::new(name).extension().map(|ending| ending.to_string_lossy());
     if ending.is_some_and(|ending| is_photo_ending(&ending)) {
@@ -219,7 +220,7 @@ pub(super) fn recognise(bytes: &[u8]) -> Result<Content, Flaw> {
     if bytes.is_empty() {
         return Err(Flaw::Empty);
     }
-    // Also a head to come, where a copy fills its file from the end.
+    // A head of zeros may also be one still to come, where a copy fills its file from the end.
     let zeros = bytes.iter().take_while(|&&b| b == 0).count();
     if zeros >= HOLE_BYTES.min(bytes.len()) {
         return Err(Flaw::ZeroFilled { from: 0, to: zeros, length: bytes.len() });
@@ -250,8 +251,8 @@ pub(super) fn recognise(bytes: &[u8]) -> Result<Content, Flaw> {
     Err(Flaw::NotAPhoto { found })
 }
 
-/// Whether `bytes`, which begin with `BM`, go on as a bitmap and not as a text. The reserved fields
-/// are used by some programs.
+/// Whether `bytes`, which begin with `BM`, continue as a bitmap and not as text. The reserved
+/// fields are not tested, because some programs use them.
 fn has_bmp_header(bytes: &[u8]) -> bool {
     let header = bytes.get(14..18);
     // The lengths of the headers of OS/2 and Windows.
@@ -278,7 +279,8 @@ pub(super) fn is_raw_name(name: &str) -> bool {
     ending.is_some_and(|ending| RAW_TIFFS.contains(&&*ending.to_ascii_lowercase()))
 }
 
-/// A note on a file name with another kind's ending. `raw` for a TIFF with a sensor's sites.
+/// A note if the ending of `name` belongs to another kind than the content. `raw` is set for a TIFF
+/// with a sensor's sites.
 pub(super) fn misnamed(name: &str, content: Content, raw: bool) -> Option<String> {
     let extension = Path::new(name).extension()?.to_string_lossy().into_owned();
     let fits = content.has_ending(&extension) || raw && extension.eq_ignore_ascii_case(RAW_ENDING);

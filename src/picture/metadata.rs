@@ -55,7 +55,7 @@ impl Lost {
         Lost(Cow::Borrowed(words))
     }
 
-    /// Data of a kind that no table has, by its name in the file.
+    /// Data that no table lists, by their `kind` and their name in the file.
     pub(super) fn unknown(kind: &str, name: &[u8]) -> Lost {
         let printed = name.iter().filter(|b| b.is_ascii_graphic()).take(16);
         let printed: String = printed.map(|&b| char::from(b)).collect();
@@ -68,7 +68,7 @@ impl Lost {
     }
 }
 
-/// Most parts that are noted: more would say nothing. Guess.
+/// Most parts that are noted: a longer list would not help. Guess.
 const LOST_MAX: usize = 16;
 
 /// The parts of a format by the beginnings of their names: those that are used, carried or mean
@@ -78,13 +78,14 @@ pub(super) struct PartTable {
     pub(super) lost: &'static [(&'static [u8], Lost)],
 }
 
-/// A photo file walked to its end, nothing decoded.
+/// Findings of a walk over a whole photo file, in which nothing is decoded.
 #[derive(Debug, Default)]
 pub(super) struct Walked {
-    /// Width and height by the header; `None` where only the decoder reads them.
+    /// Width and height in the header; `None` where only the decoder reads them.
     pub(super) size: Option<Size>,
     pub(super) lost: BTreeSet<Lost>,
-    /// Zeros that are picture only if the file decodes to its end.
+    /// The longest run of zero bytes if it may be a hole: it is picture data only if the file
+    /// decodes to its end.
     pub(super) zeros: Option<Range<usize>>,
     /// Colours stated elsewhere than in an ICC profile.
     pub(super) colours: Option<StatedColours>,
@@ -102,8 +103,8 @@ impl Walked {
         }
     }
 
-    /// Notes what is lost with the part `name` of a file, by the `table` of its format. A part that
-    /// the table has not is lost as one of `kind`.
+    /// Notes the loss of the part `name` of a file, by the `table` of its format. A part that the
+    /// table does not list is noted as unknown data of `kind`.
     pub(super) fn look_up(&mut self, table: &PartTable, kind: &str, name: &[u8]) {
         if !table.used.iter().any(|begin| name.starts_with(begin)) && self.lost.len() < LOST_MAX {
             let row = table.lost.iter().find(|(begin, _)| name.starts_with(begin));

@@ -8,21 +8,21 @@
 //!
 //! **Orientation.** The lens's field is fixed to the sensor, and cameras store pixels in the
 //! sensor's orientation with a tag. A photo is therefore restored as stored, and turned upright on
-//! writing, with the tag cleared. A photo stored upright in portrait leaves open how the camera was
-//! turned: the sensor's gain pattern shows it, and without that the photo is refused.
+//! writing, with the tag cleared. A photo stored upright in portrait does not state which way the
+//! camera was turned; the sensor's gain pattern shows it, and without that the photo is refused.
 //!
 //! **Alpha** is set aside, resampled with the photo, and written back.
 //!
 //! **Raw photos**, a sensor's sites in a DNG, are linear. Only the sites are data; they are
 //! interpolated for display. The light behind the colour filters is restored, and converted to sRGB
 //! on writing by the matrices in the file. Results are TIFFs of 16 bits with the rig's curve, or
-//! JPEGs, as the rig file asks.
+//! JPEGs, as set in the rig file.
 //!
 //! **Frames** of a camera that codes them as JPEG are decoded here too, by the same worker.
 //!
-//! **Curve.** An embedded ICC profile's tone curves, or else the rig's curve (sRGB or linear). A
-//! profile's primaries are not applied: the lens blurs each stored channel, and the result carries
-//! the profile.
+//! **Curve.** The tone curves of an embedded ICC profile are used, or else the rig's curve (sRGB or
+//! linear). A profile's primaries are not applied: the lens blurs each stored channel, and the
+//! result carries the profile.
 
 mod camera_frame;
 mod colour_difference;

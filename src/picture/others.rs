@@ -9,7 +9,7 @@ use super::Flaw;
 use super::kind::Content;
 use super::metadata::{HOLE_BYTES, Lost, PartTable, Walked};
 
-/// Pixels a metre that programs write into a BMP by default: none, 72 and 96 an inch.
+/// Densities that programs write into a BMP by default, pixels per metre: none, 72 and 96 an inch.
 const USUAL_DENSITIES: [u32; 3] = [0, 2835, 3780];
 
 /// Walks `bytes` of a BMP, GIF, PNM or WebP to the end that they state (BITMAPFILEHEADER; GIF89a,
@@ -25,7 +25,7 @@ pub(super) fn walk(bytes: &[u8], content: Content) -> Result<Walked, Flaw> {
         Content::Pnm => (pnm_end(bytes) <= length, "its last row"),
         _ => (stated <= length, "the length it states"),
     };
-    // Bytes behind the end are none of the picture's.
+    // Only zeros before the stated end are a hole; what follows the end is not the picture's.
     let is_hole = content == Content::Webp && (length - zeros).saturating_add(HOLE_BYTES) <= stated;
     if !whole || is_hole {
         let found = format!("an end after {length} bytes");
@@ -67,8 +67,9 @@ fn word(bytes: &[u8], at: usize) -> Option<u32> {
     Some(u32::from_le_bytes([four[0], four[1], four[2], four[3]]))
 }
 
-/// Where the rows of a BMP end; for packed rows the length that it states (BITMAPFILEHEADER,
-/// BITMAPINFOHEADER). The stated length of others is often a few bytes off, or absent.
+/// The place at which the rows of a BMP end; for compressed rows, the stated file length
+/// (BITMAPFILEHEADER, BITMAPINFOHEADER). For others that length is often a few bytes off, or
+/// absent.
 fn bmp_end(bytes: &[u8]) -> usize {
     let field = |at: usize| word(bytes, at).map_or(usize::MAX, |value| value as usize);
     let half = |at: usize| field(at) & 0xffff;
@@ -90,8 +91,8 @@ fn bmp_end(bytes: &[u8]) -> usize {
     begin.saturating_add(row.saturating_mul(height))
 }
 
-/// Where the samples of a binary PNM end (Netpbm, pgm(5) and ppm(5)); the file's length for its
-/// other varieties, which the decoder checks.
+/// The place at which the samples of a binary PNM end (Netpbm, pgm(5) and ppm(5)); the file's
+/// length for other varieties, which the decoder checks.
 fn pnm_end(bytes: &[u8]) -> usize {
     if !bytes.starts_with(b"P5") && !bytes.starts_with(b"P6") {
         return bytes.len();
@@ -122,26 +123,26 @@ const WEBP_CHUNKS: PartTable = PartTable {
 #[derive(Debug, Default, PartialEq)]
 struct GifBlocks<'a> {
     pictures: usize,
-    /// Where the first one ends.
+    /// Place at which the first picture ends.
     first_end: Option<usize>,
-    /// Label and first block of each.
+    /// Label and first data block of each extension.
     extensions: Vec<&'a [u8]>,
 }
 
-/// The blocks of a GIF to its trailer, or as far as they go behind its first picture; `None` where
-/// that is cut (GIF89a, §17 to §26).
+/// The blocks of a GIF up to its trailer, or up to damage behind its first picture; `None` if that
+/// picture is cut (GIF89a, §17 to §26).
 fn gif_blocks(bytes: &[u8]) -> Option<GifBlocks<'_>> {
     let mut found = GifBlocks::default();
     let is_all = found.read(bytes).is_some();
     let rest = &bytes[found.first_end?..];
     let zeros = rest.iter().take_while(|&&b| b == 0).count();
-    // In a hole, the first zero ends the picture.
+    // In a hole, the first zero looks like the end of the picture.
     (is_all || rest.is_empty() || zeros < HOLE_BYTES.min(rest.len())).then_some(found)
 }
 
 impl<'a> GifBlocks<'a> {
     fn read(&mut self, bytes: &'a [u8]) -> Option<()> {
-        // Bytes of the colour table that `flags` state.
+        // Length in bytes of the colour table that `flags` describe.
         let table = |flags: u8| if flags & 0x80 == 0 { 0 } else { 3usize << ((flags & 7) + 1) };
         let mut at = 13 + table(*bytes.get(10)?);
         loop {
@@ -157,7 +158,7 @@ impl<'a> GifBlocks<'a> {
                 b';' => return Some(()),
                 _ => return None,
             }
-            // Blocks of data, to the empty one.
+            // An empty block ends the blocks of data.
             while let length @ 1.. = usize::from(*bytes.get(at)?) {
                 at += 1 + length;
             }

@@ -26,7 +26,7 @@ use crate::config::Curve;
 pub struct Manner {
     /// File format.
     pub format: Format,
-    /// Samples of a pixel, of 8 or 16 bits.
+    /// Channels of a pixel, with 8 or 16 bits a sample.
     pub colour: ColorType,
     /// The transfer curve, undone on reading and redone on writing.
     pub tone: Tone,
@@ -59,14 +59,14 @@ impl Manner {
     }
 }
 
-/// The file of a photo.
+/// Facts about the file of a photo.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct FileFacts {
-    /// CRC-32 of its bytes.
+    /// CRC-32 of the bytes.
     pub crc32: u32,
-    /// Its length.
+    /// Length in bytes.
     pub bytes: u64,
-    /// Its format, if results can have it.
+    /// Format, if results can be written in it.
     pub format: Option<Format>,
 }
 
@@ -79,10 +79,10 @@ pub struct Photo {
     /// others black. Raw photos are interpolated between their sites.
     #[serde(skip, default = "no_light")]
     pub light: Frame<Work>,
-    /// The sites of a raw photo, which alone are data.
+    /// The sensor's sites of a raw photo; only the samples at these are data.
     pub raw: Option<RawSites>,
-    /// A JPEG's quantised coefficients, also of one that was saved again as another kind of file,
-    /// where it has the rig's size and was not cut.
+    /// Quantised coefficients, if the photo is a JPEG or was saved again from one; `None` once it
+    /// was resampled, cut or turned.
     pub coding: Option<Coding>,
     /// The camera, as far as the file states it.
     pub camera: Option<PhotoCamera>,
@@ -92,11 +92,11 @@ pub struct Photo {
     pub manner: Manner,
     /// Width and height of the file's picture as stored, before any resampling.
     pub stored: Size,
-    /// Whether it was stored upright in portrait and is laid on one side of two.
+    /// Whether the photo, stored upright in portrait, was laid on one of its two sides by guess.
     pub is_side_guessed: bool,
-    /// Its file.
+    /// Facts about the photo's file.
     pub file: FileFacts,
-    /// Notes on what a result lacks of the file: pixels, metadata. They do not hold where the file
+    /// Notes on what a result lacks of the file: pixels, metadata. They do not apply if the file
     /// itself is returned.
     pub losses: Vec<String>,
     /// Further notes on the file, for the report.
@@ -107,7 +107,7 @@ pub struct Photo {
 const ONCE_A_JPEG: &str = "its pixels were those of a JPEG: it is restored from that JPEG's \
                            coefficients; drop the JPEG itself if you have it";
 
-/// Light that follows elsewhere.
+/// A placeholder for light that is transferred separately.
 fn no_light() -> Frame<Work> {
     Frame::zeros(Size::new(0, 0))
 }
@@ -139,7 +139,7 @@ impl Photo {
         limits: &Limits,
     ) -> Result<Photo, PictureError> {
         let refused = |flaw: Flaw| flaw.of(name);
-        // A maker's raw photo has another sentence than that on its preview's shape.
+        // A maker's raw photo gets a message of its own, not one about the shape of its preview.
         let grid = limits.grid.filter(|_| !is_raw_name(name));
         let limits = Limits { grid, ..*limits };
         let heading = walk(bytes, &limits).map_err(refused)?;
@@ -245,11 +245,11 @@ impl Photo {
         }
     }
 
-    /// The photo on the rig's grid: itself, also where it is a part of that, its part of the whole
-    /// sensor, or resampled when it has the same shape at another size.
+    /// Fits the photo to the rig's grid: unchanged if it has the size of the rig's photos or is a
+    /// part of one, cut if it shows the whole sensor, resampled if only its size differs.
     ///
     /// # Errors
-    /// [`Flaw::Shape`] when its shape is another, [`Flaw::RawSize`] when it is raw and of another
+    /// [`Flaw::Shape`] for a photo of another shape, [`Flaw::RawSize`] for a raw photo of another
     /// size.
     pub fn fit(mut self, grid: impl Into<PhotoGrid>) -> Result<Photo, PictureError> {
         let grid = grid.into();
@@ -272,7 +272,7 @@ impl Photo {
         if self.raw.is_none() && shape::is_part(found, grid) {
             return Ok(self);
         }
-        // The coefficients are the whole picture's.
+        // The coefficients hold for the whole picture at its stored size only.
         self.coding = None;
         if found == sensor {
             self.cut(photo);
@@ -304,7 +304,8 @@ impl Photo {
         self.is_side_guessed = true;
     }
 
-    /// Turns the photo by half; its result has the same side up. A JPEG's coefficients are dropped.
+    /// Turns the photo by half a turn, and changes its orientation so that its result has the same
+    /// side up. A JPEG's coefficients are dropped.
     pub fn turn_by_half(&mut self) {
         // Tags 1 and 3, 2 and 4, 5 and 7, 6 and 8 of EXIF differ by half a turn.
         let tag = ((self.manner.orientation.to_exif() - 1) ^ 2) + 1;
@@ -322,7 +323,7 @@ impl Photo {
             raw.mosaic = raw.mosaic.from_place(rect.x, rect.y);
         }
         let kept = rect.size;
-        // A cut loses no resolution.
+        // `stored` is compared to find lost resolution, of which a cut loses none.
         self.stored = kept;
         self.losses
             .push(format!("{kept} of the sensor's {all} are the rig's photo; the rest is cut"));
@@ -364,7 +365,7 @@ impl Photo {
 impl Raster {
     /// The curve of the ICC profile, or else `curve`, with a note on a profile that is not used.
     fn tone(&self, curve: Curve, notes: &mut Vec<String>) -> Tone {
-        // A file that states sRGB's curve has it on a linear rig, too.
+        // A file that states sRGB's curve keeps it on a linear rig, too.
         let curve = if self.is_srgb { Curve::Srgb } else { curve };
         let bits = bits_of(self.colour);
         let tone = Tone::of_curve(curve, bits);
@@ -385,7 +386,7 @@ impl Raster {
         !self.colour.has_color() || (self.icc.is_none() && pixels.all(equal))
     }
 
-    /// The plane of the samples at place `at` of each pixel, by their `value`.
+    /// The plane of the samples at index `at` of each pixel, converted by `value`.
     fn plane(&self, at: usize, value: impl Fn(u16) -> f32) -> Plane {
         let own = self.samples.iter().skip(at).step_by(self.step());
         let values = own.map(|&code| value(code)).collect();

@@ -7,7 +7,8 @@ use crate::frame::Size;
 
 const SIGNATURE: &[u8] = b"\x89PNG\r\n\x1a\n";
 
-/// Chunks by their names, and what is lost with them. Texts are looked into.
+/// Names of the chunks that are used, and of those that are lost, with what is lost. [`walk`]
+/// examines the texts.
 const CHUNKS: PartTable = PartTable {
     used: &[
         b"IHDR", b"PLTE", b"IDAT", b"tRNS", b"iCCP", b"sRGB", b"gAMA", b"cHRM", b"cICP", b"eXIf",
@@ -52,7 +53,7 @@ pub(super) fn walk(bytes: &[u8]) -> Result<Walked, Flaw> {
             b"cICP" => colours.coded = body.try_into().ok(),
             b"IEND" => break,
             b"tEXt" | b"zTXt" | b"iTXt" => {
-                // As ImageMagick and exiftool write it; the decoder reports XMP.
+                // ImageMagick and exiftool write IPTC data so; XMP is found by the decoder.
                 let is_iptc = body.starts_with(b"Raw profile type iptc\0");
                 walked.lose(Lost::IPTC, is_iptc);
                 walked.lose(Lost::TEXTS, !is_iptc && !body.starts_with(b"XML:com.adobe.xmp"));
@@ -71,19 +72,19 @@ pub(super) fn walk(bytes: &[u8]) -> Result<Walked, Flaw> {
 #[derive(Default)]
 struct PngColours {
     is_srgb: bool,
-    /// Of codes as a power of light, in 100,000.
+    /// Exponent of the transfer function from light to code, times 100,000 (gAMA).
     gamma: Option<u32>,
-    /// White, red, green, blue; x and y of each in 100,000.
+    /// x and y of white, red, green and blue, times 100,000 (cHRM).
     xy: Option<[u32; 8]>,
-    /// Numbers of ITU-T H.273: primaries, transfer, matrix, whether the range is full.
+    /// Numbers of ITU-T H.273: primaries, transfer, matrix, and whether the range is full (cICP).
     coded: Option<[u8; 4]>,
 }
 
 impl PngColours {
-    /// The colours by the chunk that counts most.
+    /// The colours stated by the chunk that takes precedence; `None` if no chunk states any.
     fn stated(self) -> Result<Option<StatedColours>, Flaw> {
         let xy = self.xy.map(|xy| xy.map(|v| f64::from(v) / 1e5));
-        // What sRGB's own files state. Libpng takes gammas within 5 % for the same.
+        // Values that files in sRGB state are dropped; libpng takes gammas within 5 % for the same.
         let near = |v: f64, of: f64| (v / of - 1.0).abs() < 0.05;
         let gamma = self.gamma.map(|g| 1e5 / f64::from(g)).filter(|&g| !near(g, 2.2));
         let srgb = [0.3127, 0.329, 0.64, 0.33, 0.3, 0.6, 0.15, 0.06];
@@ -109,7 +110,7 @@ impl PngColours {
     }
 }
 
-/// Name and body of the chunk at `at`, which moves past it; its CRC is valid.
+/// Name and body of the chunk at `at`, with its CRC checked; `at` moves past the chunk.
 fn chunk<'a>(bytes: &'a [u8], at: &mut usize) -> Result<(&'a [u8; 4], &'a [u8]), Flaw> {
     let begin = *at;
     let cut = || ended_early(bytes, begin);

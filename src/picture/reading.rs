@@ -1,4 +1,4 @@
-//! Photo files opened and read as a rig asks.
+//! Opening and reading of photo files with a rig's options.
 
 use std::fs::File;
 use std::io::{Read, Seek};
@@ -13,8 +13,8 @@ use super::{Flaw, Format, Photo, PictureError};
 use crate::config::{Curve, LargerPhotos, RawResults, RigFile};
 use crate::frame::PhotoGrid;
 
-/// Longest file that is read whole before its kind and shape are looked at: on a board of 1 GiB it
-/// takes a sixteenth.
+/// Longest file, in bytes, that is read as a whole before its kind and shape are checked: a
+/// sixteenth of the memory of a 1 GiB board.
 const WHOLE_BYTES_MAX: u64 = 64 << 20;
 
 /// How the photos of a rig are read.
@@ -26,16 +26,16 @@ pub struct ReadOptions {
     pub limits: Limits,
     /// The rig's photo on its sensor.
     pub grid: PhotoGrid,
-    /// What becomes of photos with more pixels than that.
+    /// What is done with photos that have more pixels than the grid.
     pub larger_photos: LargerPhotos,
     /// Format of raw photos' results.
     pub raw_results: RawResults,
-    /// Whether photos are solved binned, where a JPEG's coefficients are no data.
+    /// Whether photos are solved on binned pixels, for which a JPEG's coefficients are no data.
     pub is_binned: bool,
 }
 
 impl ReadOptions {
-    /// With the usual limits, larger photos resampled, and TIFFs of raw ones.
+    /// Default options: the usual limits, larger photos resampled, and TIFF results of raw photos.
     pub fn new(grid: impl Into<PhotoGrid>, curve: Curve) -> ReadOptions {
         ReadOptions {
             curve,
@@ -47,7 +47,7 @@ impl ReadOptions {
         }
     }
 
-    /// As the rig file asks.
+    /// The options that the rig file sets.
     pub fn of(rig: &RigFile) -> ReadOptions {
         ReadOptions {
             larger_photos: rig.run.larger_photos,
@@ -68,7 +68,8 @@ impl ReadOptions {
         self.finish(Photo::from_bytes(name, bytes, self.curve, &limits)?.fit(self.grid)?)
     }
 
-    /// Sets the result's format of `photo`, which is on the rig's grid, and checks its size.
+    /// Applies the options to `photo`, which is on the rig's grid: sets the format of a raw photo's
+    /// result, drops coefficients if photos are binned, and checks the size.
     pub fn finish(&self, mut photo: Photo) -> Result<Photo, PictureError> {
         if photo.raw.is_some() {
             photo.manner.format = match self.raw_results {
@@ -92,8 +93,8 @@ impl ReadOptions {
 /// it.
 ///
 /// # Errors
-/// [`PictureError::Refused`], of [`Growth::Likely`](super::Growth) where a part is missing;
-/// [`PictureError::Read`].
+/// [`PictureError::Refused`], with [`Growth::Likely`](super::Growth) if a part is missing;
+/// [`PictureError::Read`] if the file cannot be read.
 pub fn whole(name: &str, file: File, limits: &Limits) -> Result<(), PictureError> {
     let hole = hole_of(&file);
     let bytes = read_bytes(file, name, limits)?;
@@ -107,8 +108,8 @@ pub fn whole(name: &str, file: File, limits: &Limits) -> Result<(), PictureError
     Err(flaw.of(name))
 }
 
-/// The first part of `file` that its disk holds no data for, as in a copy that reserves its space
-/// before it fills it. Plain pixels of it look black.
+/// The first range of `file` that is not stored on its disk, as in a copy whose space was reserved
+/// but not yet filled. Uncompressed pixels in such a hole look black.
 fn hole_of(file: &File) -> Option<Range<usize>> {
     let length = file.metadata().ok()?.len();
     let from = seek(file, SeekFrom::Hole(0)).ok().filter(|&from| from < length);
@@ -129,7 +130,8 @@ pub fn bytes_of(path: &Path, limits: &Limits) -> Result<Vec<u8>, PictureError> {
     }
 }
 
-/// The bytes of a plain file no longer than the limit; a long one is refused by its head first.
+/// The bytes of `file`, a plain file no longer than the limit. Above [`WHOLE_BYTES_MAX`], its head
+/// is checked before the rest is read.
 pub(super) fn read_bytes(file: File, name: &str, limits: &Limits) -> Result<Vec<u8>, PictureError> {
     let read = |source: std::io::Error| PictureError::Read { path: name.into(), source };
     let about = file.metadata().map_err(read)?;
@@ -147,7 +149,7 @@ pub(super) fn read_bytes(file: File, name: &str, limits: &Limits) -> Result<Vec<
         (&file).rewind().map_err(read)?;
     }
     let mut bytes = Vec::with_capacity(about.len() as usize);
-    // One that has grown meanwhile is too long for the walk over it.
+    // The walk over the file refuses one that has meanwhile grown beyond the limit.
     file.take(limits.bytes_max + 1).read_to_end(&mut bytes).map_err(read)?;
     Ok(bytes)
 }

@@ -16,9 +16,8 @@ fn fits(found: Size, grid: PhotoGrid) -> bool {
     found == grid.sensor || same_shape(found, grid.photo.size) || is_part(found, grid)
 }
 
-/// Whether a developed photo of the size `found` may be a part of the rig's photos as wide or as
-/// high as they are, as cameras cut them to 3:2, 16:9 and squares; the sensor's pattern shows which
-/// part.
+/// Whether a developed photo of the size `found` may be one of the rig's photos cut in width or in
+/// height, as cameras cut to 3:2, 16:9 and squares. The sensor's pattern then shows which part.
 pub(super) fn is_part(found: Size, grid: PhotoGrid) -> bool {
     let (Some(square), Size { width, height }) = (grid.pattern_px, grid.photo.size) else {
         return false;
@@ -29,8 +28,8 @@ pub(super) fn is_part(found: Size, grid: PhotoGrid) -> bool {
     is_whole && is_within && has_squares && !same_shape(found, grid.photo.size)
 }
 
-/// Whether a developed photo of the size `found`, stored in `orientation`, is in portrait, its
-/// camera having been turned one way or the other, which the sensor's pattern shows.
+/// Whether a developed photo of the size `found`, stored in `orientation`, was stored upright in
+/// portrait. Its camera was then turned one way or the other; the sensor's pattern shows which.
 pub(super) fn is_upright(found: Size, orientation: Orientation, grid: PhotoGrid) -> bool {
     let on_side = Size::new(found.height, found.width);
     let is_stored_so = orientation == Orientation::NoTransforms && !fits(found, grid);

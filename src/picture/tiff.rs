@@ -46,19 +46,19 @@ pub(super) const GPS_DIRECTORY: u16 = 34853;
 pub(super) const MAKER_NOTE: u16 = 37500;
 const PIXEL_WIDTH: u16 = 40962;
 
-/// What is read.
+/// Varieties that are read, and what to do with others, for messages.
 const READ: &str = "grey and RGB of 8 or 16 bits, as they are or packed by LZW, Deflate or \
                     PackBits; save it so in an image program";
-/// Values of [`COMPRESSION`] of raw photos (LibTIFF, tiff.h; ExifTool's table of compressions):
-/// Sony, Epson, Samsung, Nikon, Kodak, Pentax.
+/// Values of [`COMPRESSION`] in makers' raw photos (LibTIFF, tiff.h; ExifTool's table of
+/// compressions): Sony, Epson, Samsung, Nikon, Kodak, Pentax.
 const MAKERS_PACKINGS: [usize; 8] = [32767, 32769, 32770, 32772, 34713, 65000, 65024, 65535];
-/// A picture whose width is smaller so many times than its camera states is a preview. Guess: those
-/// of raw photos are 10 to 40 times as small, and few people shrink a photo so much in TIFF.
+/// Ratio of the width that the camera states to the picture's, above which the picture is a
+/// preview. Guess: in raw photos it is 10 to 40, and few people shrink a photo so much in TIFF.
 const PREVIEW_TIMES: usize = 4;
 /// Most sub-directories searched for a larger picture. Guess.
 const BELOW_MAX: usize = 32;
-/// Ranges of fields that are used, carried, looked into, or mean nothing beside the picture (TIFF
-/// 6.0; LibTIFF's tags).
+/// Ranges of tags whose fields are used, carried or examined, or mean nothing beside the picture
+/// (TIFF 6.0; LibTIFF's tags).
 const RANGES_HELD: [RangeInclusive<u16>; 10] = [
     254..=259,
     262..=266,
@@ -71,12 +71,12 @@ const RANGES_HELD: [RangeInclusive<u16>; 10] = [
     338..=347,
     512..=532,
 ];
-/// Further fields of that kind.
+/// Further tags of the kind in [`RANGES_HELD`].
 const HELD: [u16; 15] = [
     301, 700, 33432, 33433, 33434, 33437, 33723, 34377, 34665, 34675, 34853, 34855, 36867, 37386,
     50341,
 ];
-/// Fields of text that no result has: document, page and host.
+/// Tags of text fields that no result carries: document, page and host.
 const TEXTS: [u16; 3] = [269, 285, 316];
 
 /// Most values of a field, so that a hostile file does not keep the program busy. Guess.
@@ -88,7 +88,7 @@ pub(super) fn is_single(file: &std::fs::File) -> ::tiff::TiffResult<bool> {
     let mut has = |tag| decoder.find_tag(Tag::Unknown(tag)).map(|found| found.is_some());
     let is_raw = has(SUB_DIRECTORIES)? || has(DNG_VERSION)? || has(MAKER_NOTE)?;
     let colours = decoder.find_tag_unsigned::<u16>(Tag::PhotometricInterpretation)?;
-    // Grey either way round, or RGB.
+    // White or black at zero, or RGB.
     Ok(!is_raw && !decoder.more_images() && matches!(colours, Some(0..=2)))
 }
 
@@ -141,7 +141,7 @@ pub(super) fn walk(bytes: &[u8]) -> Result<Walked, Flaw> {
     walked.colours = directory.stated_colours();
     walked.is_multiplied = directory.number(EXTRA_SAMPLES).ok().flatten() == Some(1);
     walked.lose(Lost::IPTC, has(&IPTC) || directory.has_iptc_resource().unwrap_or(false));
-    // 1 is a mere ratio.
+    // Unit 1 states no density, only a ratio of the sides.
     let unit = directory.number(RESOLUTION_UNIT).ok().flatten();
     walked.lose(Lost::DENSITY, unit.is_some_and(|unit| unit > 1));
     Ok(walked)
@@ -154,17 +154,17 @@ impl Directory<'_> {
         Ok(Size::new(side(IMAGE_WIDTH)?, side(IMAGE_LENGTH)?))
     }
 
-    /// Whether the picture is marked as a smaller one of another in the file.
+    /// Whether the picture is marked as a reduced copy of another one in the file.
     fn is_reduced(&self) -> bool {
         let number = |tag| self.number(tag).ok().flatten();
-        // Bit 0 of the newer field.
+        // In the newer field, bit 0 marks a reduced copy.
         number(NEW_SUBFILE_TYPE).is_some_and(|kind| kind & 1 == 1)
             || number(SUBFILE_TYPE) == Some(2)
     }
 
-    /// Whether the picture of `size` is the preview in a camera's raw photo: beside a larger
-    /// picture below it, beside a sensor's counts in a maker's packing, or far smaller than the
-    /// photo that a camera's own notes describe.
+    /// Whether this picture, of `size`, is the preview in a camera's raw photo: a sub-directory
+    /// holds a larger picture, a directory holds a sensor's counts in a maker's compression, or the
+    /// EXIF data with a maker's notes state a far larger photo.
     fn is_of_raw(&self, size: Size) -> bool {
         let places = self.numbers(SUB_DIRECTORIES).ok().flatten().unwrap_or_default();
         let read = |at: usize| Directory::read(self.file, at).ok();
@@ -187,12 +187,12 @@ impl Directory<'_> {
         packing.is_some_and(|packing| MAKERS_PACKINGS.contains(&packing))
     }
 
-    /// Whether a camera maker's notes stand beside the EXIF data.
+    /// Whether the EXIF data contain a camera maker's notes.
     pub(super) fn has_maker_notes(&self) -> bool {
         self.below(EXIF_DIRECTORY).is_some_and(|exif| exif.find(MAKER_NOTE).is_some())
     }
 
-    /// The colours that the directory states of a picture, if any (TIFF 6.0, §20).
+    /// The colours that the directory states, if any (TIFF 6.0, §20).
     fn stated_colours(&self) -> Option<StatedColours> {
         let reals = |tag| self.reals(tag).ok().flatten().unwrap_or_default();
         let xy = [reals(WHITE_POINT), reals(PRIMARIES)].concat();
@@ -210,10 +210,10 @@ impl Directory<'_> {
         }
     }
 
-    /// Checks that inks, compression and depth are read (TIFF 6.0; the last three compressions by
-    /// LibTIFF).
+    /// Checks that inks, compression and depth are supported (TIFF 6.0; the last three compressions
+    /// by LibTIFF).
     fn check_coding(&self) -> Result<(), Flaw> {
-        // Without these fields: grey or RGB, plain, of one bit, whole numbers.
+        // A missing field has the value 1: grey, uncompressed, one bit, whole numbers.
         let number = |tag| self.number(tag).map(|number| number.unwrap_or(1));
         let (inks, packing, bits) =
             (number(PHOTOMETRIC)?, number(COMPRESSION)?, number(BITS_PER_SAMPLE)?);
@@ -238,7 +238,7 @@ impl Directory<'_> {
         Err(Flaw::Unsupported { kind: "TIFF", found: found.to_owned(), allowed: READ })
     }
 
-    /// Whether Photoshop's image resources hold IPTC data.
+    /// Whether Photoshop's image resources contain IPTC data.
     fn has_iptc_resource(&self) -> Result<bool, Flaw> {
         let Some(entry) = self.find(IMAGE_RESOURCES) else { return Ok(false) };
         let (length, at) = self.file.place(entry, 1)?;
@@ -334,7 +334,7 @@ impl<'a> File<'a> {
         Flaw::hole_or(self.bytes, Flaw::Truncated { kind: "TIFF", found, end })
     }
 
-    /// A directory in a tail of zeros is a hole, not damage.
+    /// The flaw of a damaged file; a directory in a tail of zeros is a hole, not damage.
     pub(super) fn damaged(&self, found: &str, allowed: &str) -> Flaw {
         let (found, allowed) = (found.to_owned(), allowed.to_owned());
         Flaw::hole_or(self.bytes, Flaw::Damaged { kind: "TIFF", found, allowed })

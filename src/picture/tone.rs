@@ -15,12 +15,13 @@ use crate::frame::{Channel, FULL_SCALE, Plane};
 pub(super) enum StatedColours {
     /// sRGB.
     Srgb,
-    /// A power of the code, if not sRGB's curve; x and y of white, red, green and blue, if not
-    /// sRGB's.
+    /// Exponent from code to light, `None` for sRGB's curve; x and y of white, red, green and blue,
+    /// `None` for sRGB's.
     Measured { gamma: Option<f64>, xy: Option<[f64; 8]> },
-    /// Tables of light, 0..65535, by the code: one or one a channel; x and y as above.
+    /// Tables from code to light, 0..65535, one for all channels or one for each; x and y as in
+    /// [`StatedColours::Measured`].
     Tables { tables: Vec<Vec<u16>>, xy: Option<[f64; 8]> },
-    /// Primaries and transfer by numbers.
+    /// Primaries and transfer function stated by numbers of ITU-T H.273.
     Coded(Box<ColorProfile>),
 }
 
@@ -34,10 +35,10 @@ impl StatedColours {
         xy: Some([0.3127, 0.329, 0.64, 0.33, 0.21, 0.71, 0.15, 0.06]),
     };
 
-    /// The numbers `primaries` and `transfer` of ITU-T H.273; `None` for those of no ordinary
-    /// screen.
+    /// The colours with the numbers `primaries` and `transfer` of ITU-T H.273; `None` if no
+    /// ordinary screen has them.
     pub(super) fn coded(primaries: u8, transfer: u8) -> Option<StatedColours> {
-        // Logarithmic curves, and those of bright screens.
+        // Logarithmic curves and those of bright screens are not supported.
         if matches!(transfer, 9 | 10 | 16 | 18) {
             return None;
         }
@@ -54,7 +55,7 @@ impl StatedColours {
         profile.red_trc.is_some().then(|| StatedColours::Coded(Box::new(profile)))
     }
 
-    /// The ICC profile of these colours, of a `grey` picture or another; `None` for sRGB's.
+    /// The ICC profile of these colours, a grey one if `grey` is set; `None` for sRGB.
     pub(super) fn profile(&self, grey: bool) -> Option<Vec<u8>> {
         let mut profile = ColorProfile::new_srgb();
         let (xy, curves) = match self {
@@ -161,7 +162,7 @@ impl Tone {
         table[usize::from(code).min(table.len() - 1)]
     }
 
-    /// The nearest code of `light`, rounded in codes; light outside the range is clipped.
+    /// The code nearest to `light`, rounded in codes; light outside the range is clipped.
     pub(super) fn code(&self, channel: usize, light: f32) -> u16 {
         let table = &self.tables[channel];
         // `light` lies in the step that ends at the first entry above it.

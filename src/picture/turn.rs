@@ -24,7 +24,7 @@ pub(super) fn turn<T: Copy + Default>(plane: &Plane<T>, orientation: Orientation
     })
 }
 
-/// Column and row, in a stored picture of `size`, of those in the upright one.
+/// A map from column and row in the upright picture to those in the stored one, of `size`.
 fn stored_place(size: Size, orientation: Orientation) -> impl Fn(usize, usize) -> (usize, usize) {
     let (right, bottom) = (size.width.wrapping_sub(1), size.height.wrapping_sub(1));
     // The places of row 0 and column 0 by EXIF's table.
@@ -40,12 +40,12 @@ fn stored_place(size: Size, orientation: Orientation) -> impl Fn(usize, usize) -
     }
 }
 
-/// Column and row, in the upright picture, of those in a stored one of `size`.
+/// A map from column and row in a stored picture of `size` to those in the upright one.
 pub(super) fn upright_place(
     size: Size,
     orientation: Orientation,
 ) -> impl Fn(usize, usize) -> (usize, usize) {
-    // Turning back is turning by the same orientation, but for quarters.
+    // Every orientation is its own inverse, except for the quarter turns.
     let back = match orientation {
         Orientation::Rotate90 => Orientation::Rotate270,
         Orientation::Rotate270 => Orientation::Rotate90,

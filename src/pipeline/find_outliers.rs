@@ -1,8 +1,8 @@
-//! The search for outliers by place, in windows as wide as the blur.
+//! Local search for outliers, in windows as wide as the blur.
 //!
-//! What condemns a whole photo shows there as well: the residual of a first solve over what noise
-//! and the lens model's error leave, times that over the untouched photo's. Outliers are masked as
-//! missing data, and the photo is solved again.
+//! A window is judged as a whole photo is: by the residual of a first solve over its floor, which
+//! noise and the lens model's error leave, times that residual over the untouched photo's. Outliers
+//! are masked as missing data, and the photo is solved again.
 
 use super::Pipeline;
 use super::judging::limits::{FOREIGN, INFORMATIVE, OUTLIERS, OUTLIERS_MOST, OutlierLimits};
@@ -13,17 +13,17 @@ use crate::deconvolution::data_term::{MISSING, NOISE_MIN, residual_in_place};
 use crate::deconvolution::smoothing::{fill, mean_around};
 use crate::frame::{Channel, Frame, Plane, Size, Work};
 
-/// Errors by place, on the canvas: RMS over windows, largest of the channels.
+/// Local errors on the canvas: RMS over windows, the largest among the channels.
 struct LocalErrors {
-    /// Residual over its floor times that over the untouched photo's.
+    /// Residual over its floor, times residual over the untouched photo's.
     unexplained: Plane,
     /// The untouched photo's residual over noise.
     of_lens: Plane,
 }
 
 impl Pipeline {
-    /// `photo` without its outliers under a first result `solved`; `None` where there are none, or
-    /// so many that the photo is foreign, or where `solved` does not explain the rest.
+    /// `photo` with the outliers masked that a first result `solved` shows. `None` without any,
+    /// with so many that the photo is foreign, or if `solved` does not explain the rest.
     pub(super) fn without_outliers<'a>(
         &self,
         photo: &Prepared<'a>,
@@ -35,7 +35,7 @@ impl Pipeline {
         let unexplained = unexplained.crop(rect);
         let informative = of_lens.crop(rect).map(|value: f32| value > INFORMATIVE);
         let reach = self.lens_of(photo).model.functions().support_px / 2;
-        // The clearest places first: some of the others are errors of the lens model.
+        // The strictest limits first: some of the less clear places are errors of the lens model.
         OUTLIERS.iter().find_map(|limits| {
             let found = outliers(&unexplained, limits);
             let everywhere = Plane::filled(rect.size, true);
@@ -48,7 +48,7 @@ impl Pipeline {
         })
     }
 
-    /// `photo` solved without the pixels that are set in `mask`, photo-sized.
+    /// `photo` with the pixels that are set in `mask` (photo-sized) marked missing and filled in.
     fn masked<'a>(&self, photo: &Prepared<'a>, mask: &Plane<bool>) -> Prepared<'a> {
         let rect = photo.observation.rect;
         let mut rest = photo.unjudged();
@@ -114,7 +114,7 @@ impl Pipeline {
     }
 }
 
-/// The places of a photo that are `unexplained` by some `limits`.
+/// Mask of the connected places of a photo that are `unexplained` according to `limits`.
 fn outliers(unexplained: &Plane, limits: &OutlierLimits) -> Plane<bool> {
     let mut found = Plane::filled(unexplained.size(), false);
     for area in connected(&unexplained.map(|value: f32| value > limits.of_any)) {
@@ -132,7 +132,7 @@ fn share_within(mask: &Plane<bool>, area: &Plane<bool>) -> f64 {
     of_mask as f64 / inside.count().max(1) as f64
 }
 
-/// The pixels within `reach` of one that `is` set.
+/// Mask of the pixels within `reach` of one that is set in `is`.
 fn widened(is: &Plane<bool>, reach: usize) -> Plane<bool> {
     let Size { width, height } = is.size();
     let near = |at: usize, length: usize| at.saturating_sub(reach)..(at + reach + 1).min(length);

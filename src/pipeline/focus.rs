@@ -10,8 +10,8 @@ use crate::deconvolution::focus::{FocusData, FocusSeries, FoundFocus};
 use crate::deconvolution::lens_model::LensFunctions;
 use crate::frame::{Channel, Rect};
 
-/// The lens as measured at several focus offsets, the panel's included; empty where it was measured
-/// at the panel's alone.
+/// The lens as measured at several focus offsets, including the panel's; empty if it was measured
+/// at the panel's only.
 pub(super) struct Focuses(pub(super) Vec<OtherFocus>);
 
 impl Focuses {
@@ -47,8 +47,8 @@ impl Pipeline {
         photo.lens.as_ref().unwrap_or(&self.lens)
     }
 
-    /// Sets the focus and lens of `photo`, with `noise` σ at a light, if its spectra show another
-    /// focus than the panel's.
+    /// Sets the focus and lens of `photo` if its spectra show another focus than the panel's;
+    /// `noise` is the σ of a channel at a light, grey levels.
     pub(super) fn find_focus(
         &self,
         photo: &mut Prepared<'_>,
@@ -87,7 +87,7 @@ impl Pipeline {
         }
     }
 
-    /// The lens with `functions`, whose norms are at most `norms`, at sites `at_sites`.
+    /// The lens with `functions` and the bounds `norms`, or `at_sites` for data at raw sites.
     fn lens_with(
         &self,
         functions: &LensFunctions,
@@ -104,7 +104,7 @@ impl Pipeline {
 }
 
 impl Prepared<'_> {
-    /// The data for its spectra, with the `field` of the lens and `noise` σ at a light.
+    /// Data for the photo's spectra, with the lens's `field` and a channel's `noise` σ at a light.
     pub(super) fn focus_data<'a>(
         &'a self,
         field: Rect,

@@ -1,8 +1,8 @@
 //! The restoration of one photo on a calibrated rig: prepare, solve, judge, [`Outcome`].
 //!
-//! [`Pipeline::prepare`] makes the photo's data ready, whatever its file; [`Pipeline::restore`]
-//! does the rest, for the box, the charts and the laboratory alike. [`Pipeline::solve`] alone gives
-//! a method's result before it is judged.
+//! [`Pipeline::prepare`] turns a photo of any file format into an observation;
+//! [`Pipeline::restore`] solves and judges it, for the box, the charts and the laboratory alike.
+//! [`Pipeline::solve`] alone returns a method's result before it is judged.
 
 mod find_outliers;
 mod focus;
@@ -66,7 +66,7 @@ pub struct Pipeline {
     noise: [Noise; 3],
     site_noise: [Noise; 3],
     counts_per_level: [f32; 3],
-    /// Counts of the rig's camera for each grey level, from its black to its largest count.
+    /// Counts of the rig's camera per grey level, where white is the camera's largest count.
     own_counts_per_level: f32,
     halos: [Vec<Halo>; 3],
     beyond: Beyond,
@@ -77,10 +77,10 @@ pub struct Pipeline {
     interruption: Option<Interruption>,
 }
 
-/// Seconds on a clock of the caller's.
+/// A clock of the caller's; returns seconds.
 pub type Stopwatch = Arc<dyn Fn() -> f64 + Send + Sync>;
 
-/// Asked before each capture: whether to cancel the photo.
+/// Called before each capture; cancels the photo by returning true.
 pub type Interruption = Arc<dyn Fn() -> bool + Send + Sync>;
 
 impl Pipeline {
@@ -94,7 +94,7 @@ impl Pipeline {
         if found != WAVELET_LEVELS {
             return Err(PipelineError::Levels(found));
         }
-        // First, because it looks at the sizes.
+        // First, because it checks the sizes.
         let correction = Correction::new(calibration, layout)?;
         let norms = &calibration.norms;
         Ok(Pipeline {
@@ -130,7 +130,7 @@ impl Pipeline {
         Pipeline { stopwatch, ..self }
     }
 
-    /// The same pipeline, which cancels a photo before its next capture once `interruption` is
+    /// The same pipeline, which cancels a photo before its next capture once `interruption` returns
     /// true.
     #[must_use]
     pub fn interruptible(self, interruption: Interruption) -> Self {
@@ -151,8 +151,8 @@ impl Pipeline {
         Ok(Pipeline { interruption, ..fresh })
     }
 
-    /// The noise of one exposure at the sites `raw`, in the photo's own grey levels, whose white is
-    /// not the calibration's.
+    /// Noise of one exposure at the sites `raw`, per channel, in the photo's own grey levels; their
+    /// white may differ from the calibration's.
     pub fn noise_at(&self, raw: &RawSites) -> [Noise; 3] {
         Channel::ALL.map(|c| {
             let noise = self.site_noise[c.index()];
@@ -183,8 +183,8 @@ pub fn site_noise_of(calibration: &Calibration) -> SiteNoise {
     }
 }
 
-/// The noise of each channel before unmixing. That of captures was measured after it, on greys,
-/// whose light comes from all of the panel's primaries.
+/// Noise of each channel before unmixing. The calibration has the noise of captures, measured after
+/// unmixing, on greys, to which all of the panel's primaries contribute.
 fn site_noise(calibration: &Calibration) -> [Noise; 3] {
     let unmix = calibration.cross_channel.inverse().unwrap_or(CrossChannel::IDENTITY.c);
     Channel::ALL.map(|channel| {
@@ -202,15 +202,15 @@ fn own_counts_per_level(rig: &config::RigFile, calibration: &Calibration) -> f32
     (f64::from(rig.camera.count_max()) - black) as f32 / FULL_SCALE
 }
 
-/// Factor from ‖K‖² of the lens model to an upper bound: 1 and the difference of the measured ‖K‖².
+/// Factor from ‖K‖² of the lens model to an upper bound: 1 plus its error relative to a capture.
 fn norm_excess(calibration: &Calibration) -> f32 {
     let of_model = calibration.norms.squared[Channel::Green.index()].max(f32::MIN_POSITIVE);
     1.0 + (calibration.norm_squared_seen / of_model - 1.0).abs()
 }
 
-/// Why a rig and a calibration do not fit.
+/// Error of a calibration that does not fit the rig file.
 #[derive(Debug, thiserror::Error)]
-#[allow(missing_docs)] // The sentences describe them.
+#[allow(missing_docs)] // The messages describe them.
 pub enum PipelineError {
     #[error("the calibration measured {0} wavelet levels of the lens, allowed {WAVELET_LEVELS}")]
     Levels(usize),

@@ -1,5 +1,5 @@
-//! Error of the lens model: the capture of the chart held out of its fits minus the prediction, as
-//! a share of how much the lens changes that chart.
+//! Error of the lens model: the capture of a chart held out of its fits, minus the prediction, as a
+//! share of how much the lens changes that chart.
 
 use std::sync::OnceLock;
 
@@ -10,7 +10,7 @@ use crate::deconvolution::lens_model::LensModel;
 use crate::frame::{Channel, Plane, Rect, once};
 use crate::patterns;
 
-/// The error per channel; its shares are computed when first needed.
+/// Error of the lens model per channel; the shares are computed when first needed.
 #[derive(Debug)]
 pub(super) struct ModelError {
     /// RMS of the held-out capture minus its prediction, grey levels.
@@ -28,8 +28,8 @@ impl ModelError {
         }
     }
 
-    /// Error of `model` per channel, as a share of what the lens changes; `photo` is the photo's
-    /// rectangle on the canvas.
+    /// Error of `model` per channel, as a share of how much the lens changes the chart; `photo` is
+    /// the photo's rectangle on the canvas.
     pub(super) fn shares(&self, model: &LensModel, photo: Rect) -> &[f32; 3] {
         once(&self.shares, || {
             let chart = place_with_edges(&patterns::chart(photo.size), model.canvas(), photo);
@@ -43,7 +43,7 @@ impl ModelError {
                 let once = seen(c, &chart);
                 let changed = misfit(&seen(c, &once), &once, &trusted, photo.x.min(photo.y));
                 let noise = self.noise[c.index()].sigma(once.mean() as f32);
-                // Most photos have a lens of their own.
+                // Most photos do not need these spectra: they have a lens of their own.
                 model.release_spectra(c);
                 let missed = (self.held_out[c.index()].powi(2) - noise.powi(2)).max(0.0).sqrt();
                 missed / changed.max(f32::MIN_POSITIVE)

@@ -54,24 +54,24 @@ impl From<WrittenResidual> for OpticalResidual {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum CertifiedFocus {
-    /// The panel's: it does not confirm a nearer or farther scene.
+    /// The panel's focus, which confirms nothing about a nearer or farther scene.
     Panel,
-    /// The photo's own, found among those that the lens was measured at.
+    /// The photo's own focus, found among those at which the lens was measured.
     Photo,
 }
 
 /// What the photograph of a finished picture confirms.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Confirmation {
-    /// The photo.
+    /// The photograph is the photo.
     Full,
-    /// The photo, as far as strong noise shows.
+    /// The photograph is the photo, as far as its strong noise shows.
     Noisy,
-    /// The photo, if this sensor took it.
+    /// The photograph is the photo, provided that this sensor took it.
     Unproven,
-    /// Nearly the photo.
+    /// The photograph is nearly the photo.
     Nearly,
-    /// Another picture.
+    /// The photograph differs from the photo.
     Not,
 }
 

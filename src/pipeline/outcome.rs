@@ -18,7 +18,7 @@ use crate::rig::exposure::Devices;
 /// The source of the delivered picture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Verdict {
-    /// The method.
+    /// The method's result.
     Sound,
     /// A solution of the measured lens alone, in place of a harmful result.
     Replaced,
@@ -26,26 +26,26 @@ pub enum Verdict {
     Untouched,
 }
 
-/// What is delivered for a photo. All but the cost describes the delivered picture.
+/// What is delivered for a photo. All but captures and seconds describe the delivered picture.
 #[derive(Debug, Clone)]
 pub struct Outcome {
     /// The picture, linear light 0..255, in the photo's stored orientation; of the photo's size,
     /// or of the solving grid's where the photo was binned.
     pub picture: Frame<Work>,
-    /// What [`Outcome::delivered`] needs beside a binned photo, unless it is untouched.
+    /// The coarse result of a binned photo, for [`Outcome::delivered`]; `None` if it is untouched.
     pub coarse: Option<CoarseResult>,
-    /// Its source.
+    /// Source of the picture.
     pub verdict: Verdict,
-    /// The method that made it; `none` for the photo itself.
+    /// Name of the method that made the picture; `none` for the photo itself.
     pub method: &'static str,
-    /// The stage that produced it.
+    /// Stage that produced the picture.
     pub stage: ResultStage,
-    /// The user's sentence on why this picture and this stage.
+    /// Sentence for the user on why this picture is delivered.
     pub reason: String,
-    /// What is known of it without knowing the scene; for a refused photo, the residuals that
-    /// refused it.
+    /// Evidence about the picture without knowing the scene; for a refused photo, the residuals by
+    /// which it was refused.
     pub evidence: Option<Evidence>,
-    /// Its optical residual, if it was photographed.
+    /// Optical residual of the picture, if it was photographed.
     pub certificate: Option<OpticalResidual>,
     /// Captures made for this photo, those of a rejected result included.
     pub captures: usize,
@@ -53,9 +53,9 @@ pub struct Outcome {
     pub seconds: f64,
     /// Notes for the user.
     pub notes: Vec<String>,
-    /// Steps of the method that made it.
+    /// Steps of the method that made the picture.
     pub iterations: Vec<Iteration>,
-    /// Parts delivered as they were.
+    /// Parts of the photo that are delivered as they were.
     pub outliers: Option<Outliers>,
 }
 
@@ -82,7 +82,7 @@ pub struct Restoration {
 
 impl Pipeline {
     /// Restores `photo` on `rig` by `method` and judges the result; `watch` is called after every
-    /// step. The laboratory's rates are of this function.
+    /// step. The laboratory measures its rates with this function.
     ///
     /// # Errors
     /// When a capture fails.
@@ -105,7 +105,7 @@ impl Pipeline {
         Ok(Restoration { outcome, solved })
     }
 
-    /// Why `photo` is returned as it is, before any method is tried.
+    /// The reason, if any, to return `photo` as it is before any method is tried.
     fn refusal(&self, photo: &Prepared<'_>) -> Option<&'static str> {
         let is_noisier = |&c: &Channel| {
             let camera = self.noise[c.index()].sigma(photo.photo.plane(c).mean() as f32);
@@ -124,8 +124,8 @@ impl Pipeline {
         photo.is_of_sharper_lens.then_some(SHARPER)
     }
 
-    /// `outcome`, or `photo` itself if its sensor is in doubt and the photograph of the result is
-    /// not the photo.
+    /// `outcome`, or `photo` itself if another sensor may have taken it and the photograph of the
+    /// result is not the photo.
     pub(super) fn unless_rejected(&self, photo: &Prepared<'_>, mut outcome: Outcome) -> Outcome {
         if photo.taken_by() != Some(TakenBy::Either) {
             return outcome;
@@ -138,8 +138,8 @@ impl Pipeline {
         outcome
     }
 
-    /// Restores `photo` at its own focus, or at the panel's if no scene gives it at its own: its
-    /// spectrum misled the search for the focus.
+    /// Restores `photo` at its own focus. If no scene gives it there, its spectrum has misled the
+    /// search for the focus, and it is restored at the panel's.
     fn restore_at_focus(
         &self,
         rig: &mut Devices,
@@ -162,8 +162,8 @@ impl Pipeline {
         Ok((outcome, again.with_captures_of(&solved)))
     }
 
-    /// Restores `photo` at its focus. Where no scene gives it, it is restored without its outliers,
-    /// if no capture contradicts that.
+    /// Restores `photo` at its focus. If no scene gives the whole photo, restores it without its
+    /// outliers, unless a capture contradicts that result.
     fn restore_explained(
         &self,
         rig: &mut Devices,
@@ -193,7 +193,7 @@ impl Pipeline {
 }
 
 impl Outcome {
-    /// The `photo` itself, with the user's sentence `reason`.
+    /// The outcome that returns `photo` itself, with the sentence `reason` for the user.
     pub fn untouched(photo: Frame<Work>, reason: impl Into<String>) -> Outcome {
         Outcome {
             picture: photo,
@@ -214,7 +214,7 @@ impl Outcome {
 
     /// The picture at the size of its `photo`.
     pub fn delivered<'a>(&'a self, photo: &'a Photo) -> DeliveredPicture<'a> {
-        // Of a binned photo that is returned, `picture` has the means alone.
+        // If a binned photo is returned, `picture` holds only its means.
         let is_returned =
             self.verdict == Verdict::Untouched && self.picture.size() != photo.light.size();
         let is_photo = is_returned || self.coarse.is_some();
@@ -222,19 +222,19 @@ impl Outcome {
         DeliveredPicture { light, coarse: self.coarse.as_ref() }
     }
 
-    /// Turns all that is delivered by half.
+    /// Rotates all that is delivered by half a turn.
     pub fn turn_by_half(&mut self) {
         self.picture.turn_by_half();
         self.coarse.iter_mut().for_each(|coarse| coarse.is_turned ^= true);
         self.outliers.iter_mut().for_each(|outliers| outliers.weight.turn_by_half());
     }
 
-    /// What the photograph of a result confirms, if there is one.
+    /// What the photograph of the result confirms; `None` if it was not photographed.
     pub fn confirmation(&self) -> Option<Confirmation> {
         self.certificate.as_ref().map(OpticalResidual::confirmation)
     }
 
-    /// The result `solved`, with its `evidence`.
+    /// The outcome that delivers the result `solved`, with its `evidence`.
     pub(super) fn of(solved: &Solved, evidence: Evidence) -> Outcome {
         let Certificate { optical_residual, noise_floor, .. } = solved.solution.certificate;
         let (stage, reason) = stage_of(solved);
@@ -271,7 +271,7 @@ fn iterations(solved: &Solved) -> Vec<Iteration> {
     of.collect()
 }
 
-/// The stage that produced a result, and the user's sentence on it.
+/// The stage that produced a result, and a sentence on it for the user.
 fn stage_of(solved: &Solved) -> (ResultStage, String) {
     let Certificate { corrections, optical_residual, .. } = solved.solution.certificate;
     match (corrections, optical_residual, solved.captures) {

@@ -1,12 +1,12 @@
-//! Outliers: parts of a photo that no scene gives through the lens, as a date stamp, a reflection,
-//! or a retouched place. They are delivered as they were, with a soft edge.
+//! Outliers: parts of a photo that no scene gives through the lens, such as a date stamp, a
+//! reflection or a retouched place. They are delivered as they were, with a soft edge.
 
 use crate::deconvolution::smoothing::mean_around;
 use crate::frame::{Channel, Frame, Plane, Rect, Size, Work};
 
 /// Pixels over which result and photo blend on each side of an edge.
 const BLEND_PX: usize = 2;
-/// Most areas that are shown apart; more are shown as one.
+/// Maximum number of areas shown separately; more are shown as one.
 const AREAS_MOST: usize = 8;
 
 /// The outliers of a photo.
@@ -36,7 +36,7 @@ impl Outliers {
         )
     }
 
-    /// `picture` with the outliers of `photo`, both photo-sized.
+    /// Puts the outliers of `photo` into `picture`, both photo-sized.
     pub(super) fn put_back(&self, picture: &mut Frame<Work>, photo: &Frame<Work>) {
         for c in Channel::ALL {
             let pixels = picture.plane_mut(c).data_mut().iter_mut();
@@ -47,7 +47,7 @@ impl Outliers {
 }
 
 /// Bounding boxes, pixels, of the connected areas where `weight` (of any size, 0..1) is above one
-/// half; a single one where they are more than eight.
+/// half; a single box around all if there are more than eight.
 pub fn areas(weight: &Plane) -> Vec<Rect> {
     let all = connected(&weight.map(|w: f32| w > 0.5));
     let boxes = all.iter().map(|places| {
@@ -60,7 +60,7 @@ pub fn areas(weight: &Plane) -> Vec<Rect> {
     }
 }
 
-/// The connected areas that are set in `mask`, each as the places of its pixels.
+/// The connected areas that are set in `mask`, each as the coordinates of its pixels.
 pub(super) fn connected(mask: &Plane<bool>) -> Vec<Vec<(usize, usize)>> {
     let Size { width, height } = mask.size();
     let mut open = mask.clone();
@@ -84,7 +84,7 @@ pub(super) fn connected(mask: &Plane<bool>) -> Vec<Vec<(usize, usize)>> {
     found
 }
 
-/// The bounding box of two.
+/// The bounding box of two rectangles.
 fn around(a: Rect, b: Rect) -> Rect {
     let (x, y) = (a.x.min(b.x), a.y.min(b.y));
     let right = (a.x + a.size.width).max(b.x + b.size.width);

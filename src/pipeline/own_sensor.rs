@@ -1,17 +1,17 @@
-//! Whether the rig's sensor took a photo, by the gain pattern of its sites.
+//! Test whether the rig's sensor took a photo, by the gain pattern of its sites.
 //!
-//! A site's gain g changes the light L that it records to g·L, in every photo of that sensor and
-//! in no other, however it is kept (Lukáš, Fridrich and Goljan, *Digital camera identification
-//! from sensor pattern noise*, IEEE TIFS 1(2), 2006). With the coefficients h of a photo's luma in
-//! blocks of 8×8, and s those of what the pattern adds to it, the measure is
+//! A site of gain g records the light L as g·L in every photo of that sensor, in any file format,
+//! and the gains of other sensors differ (Lukáš, Fridrich and Goljan, *Digital camera
+//! identification from sensor pattern noise*, IEEE TIFS 1(2), 2006). With h the coefficients of a
+//! photo's luma in blocks of 8×8, and s those of the luma that the pattern adds, the measure is
 //!
 //! ```text
 //! z = Σ_b x_b / √(Σ_b x_b²),   x_b = Σ_k h s / v,   v = mean of h² over the nearest blocks
 //! ```
 //!
 //! It has mean 0 and variance 1 over photos of other sensors, and mean Σ s²/v / √(Σ_b x_b²) over
-//! those of this one. Coefficients that a JPEG rounds to zero carry no pattern: the blocks are a
-//! JPEG's, and coefficients are left out where they are small, in any photo.
+//! those of this one. Coefficients that a JPEG rounds to zero carry no pattern. Therefore the
+//! blocks are those of a JPEG, and small coefficients are left out, in any photo.
 
 use rayon::prelude::*;
 
@@ -27,24 +27,27 @@ use crate::frame::{
 };
 use crate::picture::Tone;
 
-/// Codes up to which a coefficient may be pixels' rounding: four standard deviations of 1/√12.
-/// Of 0 to 1.5, where JPEGs of quality 60 show what is expected; set on the rates.
+/// Size of a coefficient, in codes, up to which it may be the pixels' rounding: four standard
+/// deviations of 1/√12. Chosen from 0 to 1.5 on the group of rates, as the value at which JPEGs of
+/// quality 60 have the expected z.
 const ROUNDING: f32 = 1.2;
-/// Coefficients, of the nine nearest blocks', that must be above. Set on the rates, of 0 to 8.
+/// Number of the nine nearest blocks in which a coefficient must reach [`ROUNDING`] to be used.
+/// Chosen from 0 to 8 on the group of rates.
 const ALIVE_MIN: usize = 4;
-/// Power added to v, codes². Guess: several times that of rounding.
+/// Power added to v, codes². Guess: several times the rounding's.
 const LEAST_POWER: f32 = 0.5;
-/// Pixels on each side of a mean of the light. With none, a raw photo of a dark scene with 16 grey
-/// levels of noise is another sensor's; those of the limits lose 1 % of z.
+/// Reach of the means of the light, pixels to each side. Without them a raw photo of a dark scene
+/// with 16 grey levels of noise is attributed to another sensor; with them photos of the group of
+/// limits lose 1 % of z.
 const MEAN_PX: usize = 2;
-/// Places of a part of the sensor that are tried in full. Guess.
+/// Places at which a photo of part of the sensor is matched in full. Guess.
 const PLACES_TRIED: usize = 4;
 
 /// A block's coefficients.
 type LumaBlock = [f32; BLOCK_AREA];
 
 impl SensorMatch {
-    /// The match of `photo`, of codes by `tone`, at `rect` of the canvas.
+    /// Match of `photo`, coded by `tone`, with the gains of `sites` at `rect` of the canvas.
     fn of(photo: &Frame<Work>, tone: &Tone, sites: &SiteGains, rect: Rect) -> SensorMatch {
         let mut codes = Plane::zeros(rect.size);
         let mut pattern = Plane::zeros(rect.size);
@@ -103,7 +106,7 @@ impl SensorMatch {
 pub(super) struct FoundPhoto {
     /// Rectangle on the canvas, pixels.
     pub(super) rect: Rect,
-    /// How clearly it shows the pattern of the rig's sensor there, if that was measured.
+    /// Match with the gain pattern of the rig's sensor there; `None` if that was not measured.
     pub(super) sensor: Option<SensorMatch>,
 }
 
@@ -114,8 +117,8 @@ impl Pipeline {
         sensor.map(SensorMatch::taken_by) == Some(TakenBy::Own)
     }
 
-    /// The place of `photo`: of one smaller than the rig's, that where it shows the sensor's
-    /// pattern most clearly, or in the middle if the pattern was not measured.
+    /// Finds the place of `photo` on the canvas. A photo smaller than the rig's lies where it shows
+    /// the sensor's pattern most clearly, or in the middle if the pattern was not measured.
     pub(super) fn find_on_sensor(&self, photo: &PhotoData<'_>) -> FoundPhoto {
         let (field, size) = (self.lens.model.field(), photo.light.size());
         let (across, down) = (field.size.width - size.width, field.size.height - size.height);
@@ -147,8 +150,8 @@ impl Pipeline {
     }
 }
 
-/// The [`PLACES_TRIED`] places in `field`, on the canvas, where the details of `photo` have most of
-/// the gain pattern of `sites`: largest products, the likeliest first.
+/// The [`PLACES_TRIED`] places in `field`, on the canvas, where the details of `photo` have the
+/// largest products with the gain pattern of `sites`, the likeliest first.
 fn likely_places(photo: &Frame<Work>, tone: &Tone, sites: &SiteGains, field: Rect) -> Vec<Rect> {
     let size = photo.size();
     let mut codes = Plane::zeros(size);
@@ -186,8 +189,8 @@ fn likely_places(photo: &Frame<Work>, tone: &Tone, sites: &SiteGains, field: Rec
     order.iter().take(PLACES_TRIED).map(rect).collect()
 }
 
-/// What gains 1 + `deviations` add to the codes of one channel of `photo`, by `tone`; 0 where it is
-/// saturated. Means of the light stand for it, whose noise does not show the pattern.
+/// Codes, by `tone`, that gains of 1 + `deviations` add to one channel of `photo`; 0 where it is
+/// saturated. Computed from means of the light, because noise does not show the pattern.
 fn added_codes(photo: &Plane, tone: &Tone, channel: Channel, mut deviations: Plane) -> Plane {
     let lights = tone.lights(channel);
     let top = lights.len() - 1;
@@ -277,8 +280,8 @@ mod tests {
             assert_eq!(outcome.reason.contains("pattern of this camera's pixels"), is_turned);
             assert_eq!(outcome.verdict == Verdict::Untouched, is_turned);
         }
-        // A photo of any sensor is certified with that condition, and is returned if its result is
-        // not confirmed.
+        // A photo that any sensor may have taken is certified on that condition, and returned if
+        // its result is not confirmed.
         let light: Frame<Work> = Frame::from_fn(|c| tone.plane(c, codes.plane(c)));
         let mut doubtful = pipeline.prepare(PhotoData::developed(&light, Channels::Colour));
         let certificate = |residual_grey_levels| OpticalResidual {
@@ -302,7 +305,7 @@ mod tests {
                 assert_eq!(judged.confirmation(), (!is_rejected).then_some(wanted));
             }
         }
-        // Where light is full there is no pattern to expect.
+        // A saturated photo cannot show the pattern.
         let white = Frame::from_fn(|_| Plane::filled(SIZE, 255.0));
         let blank = PhotoData::developed(&white, Channels::Colour);
         assert_eq!(taken_by(&blank), Some(TakenBy::Either));

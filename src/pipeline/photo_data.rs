@@ -1,4 +1,4 @@
-//! What the pipeline takes of a photo: its light, and how that was recorded.
+//! Input of the pipeline: a photo's light, and how it was recorded.
 
 use crate::frame::{Channels, Coding, Frame, RawSites, Work};
 use crate::picture::{Photo, Tone};
@@ -6,9 +6,9 @@ use crate::picture::{Photo, Tone};
 /// A photo's light with the kind of its data, from a file or from the laboratory.
 #[derive(Debug, Clone, Copy)]
 pub struct PhotoData<'a> {
-    /// Linear light 0..255, photo-sized. Of raw sites interpolated between them.
+    /// Linear light 0..255, photo-sized; interpolated between the sites of a raw photo.
     pub light: &'a Frame<Work>,
-    /// The channels it has.
+    /// The photo's channels.
     pub channels: Channels,
     /// The kind of data.
     pub recorded: Recorded<'a>,
@@ -23,27 +23,27 @@ pub enum Recorded<'a> {
     Raw(RawSites),
     /// As means of squares of pixels.
     Binned {
-        /// Whether pixels in a mean are saturated.
+        /// Whether any pixel of a mean is saturated.
         saturated: &'a Frame<Work, bool>,
-        /// The sites of a raw photo between which the pixels were interpolated.
+        /// The sites of a raw photo, from which the pixels were interpolated.
         raw: Option<RawSites>,
     },
     /// As quantised coefficients, whose codes `tone` maps to light.
     Jpeg {
         /// The file's coefficients.
         coding: &'a Coding,
-        /// Its tone curve.
+        /// The file's tone curve.
         tone: &'a Tone,
     },
 }
 
 impl<'a> PhotoData<'a> {
-    /// Full-colour light with its `channels`.
+    /// A photo with full-colour pixels: `light` in `channels`.
     pub fn developed(light: &'a Frame<Work>, channels: Channels) -> PhotoData<'a> {
         PhotoData { light, channels, recorded: Recorded::Developed }
     }
 
-    /// The sites `raw` of the rig's sensor, in `light` interpolated between them.
+    /// A raw photo with the sites `raw` of the rig's sensor and the `light` interpolated from them.
     pub fn raw(light: &'a Frame<Work>, raw: RawSites) -> PhotoData<'a> {
         PhotoData { light, channels: Channels::Colour, recorded: Recorded::Raw(raw) }
     }

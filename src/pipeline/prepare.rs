@@ -4,17 +4,18 @@
 //! |---|---|
 //! | the camera's response curve undone | the operator is linear |
 //! | saturated pixels marked | a full pixel is only a lower bound |
-//! | raw sites divided by the sensor's gain pattern, bad ones marked | the lens did not make it |
+//! | raw sites divided by the sensor's gains, bad ones marked | the lens did not cause them |
 //! | placed on the canvas | light from outside the frame reaches the photo |
-//! | noise estimated | the shrinkage follows it; nothing else is tuned per photo |
-//! | sensor found by that pattern | photos of other cameras are returned |
-//! | focus found, where the lens was measured at several | the scene may be nearer or farther |
-//! | spectrum of a raw photo tested for another lens | stopped down it is too sharp for this one |
+//! | noise estimated | it sets the shrinkage; nothing else is tuned per photo |
+//! | sensor recognised by its gain pattern | photos of other cameras are returned |
+//! | focus estimated, if several were measured | the scene may be nearer or farther |
+//! | spectrum of a raw photo tested | a lens stopped down is sharper than the measured one |
 //!
-//! The photo's own shading V stays: B = V·K(L) is K(V·L) as far as V is smooth, so V·L is solved,
-//! shown and delivered. The flats of the captures hold the panel's shading as well, and do not
-//! apply to a photo. Only on a canvas without margin, where photo and panel both end in the dark,
-//! the photo is divided by them: they then hold what the lens loses into the dark.
+//! The photo's own shading V is kept: B = V·K(L) equals K(V·L) as far as V is smooth, so V·L is
+//! solved for, shown and delivered. The flats of the captures include the panel's shading and
+//! therefore do not apply to a photo. The exception is a canvas without margin, where photo and
+//! panel both end in the dark: there the flats hold the light that the lens loses into the dark,
+//! and the photo is divided by them.
 
 use std::borrow::Cow;
 use std::sync::{Arc, OnceLock};
@@ -39,12 +40,12 @@ use crate::picture::Tone;
 /// the code below it counts as data).
 pub const SATURATION_SHARE: f32 = 0.998;
 
-/// Note for a JPEG that was coded before.
+/// Note on a JPEG that was made from another JPEG.
 const CODED_TWICE: &str = "this JPEG was made from another JPEG with coarser steps: it is restored \
                            from its decoded pixels, not from its coefficients";
 
 impl Pipeline {
-    /// `photo` (photo-sized) made ready for the methods.
+    /// Prepares `photo` (photo-sized) for the methods.
     pub fn prepare<'a>(&self, photo: impl Into<PhotoData<'a>>) -> Prepared<'a> {
         let photo = photo.into();
         let FoundPhoto { rect, sensor } = self.find_on_sensor(&photo);
@@ -72,9 +73,9 @@ impl Pipeline {
         prepared
     }
 
-    /// Pixels that bad sites of the rig's sensor may have reached are missing. The photo is not
-    /// divided by the sensor's gain pattern: nothing shows how its camera interpolated between the
-    /// sites.
+    /// Prepares a developed photo. Pixels to which bad sites of the rig's sensor may have
+    /// contributed are marked missing. The photo is not divided by the sensor's gain pattern,
+    /// because it is unknown how its camera interpolated between the sites.
     fn prepare_developed<'a>(
         &self,
         photo: &'a Frame<Work>,
@@ -91,8 +92,8 @@ impl Pipeline {
         prepared
     }
 
-    /// Means of raw sites of the rig's own sensor are divided by its gain pattern, and bad ones are
-    /// missing.
+    /// Prepares means of raw sites of the rig's own sensor: divides them by its gain pattern and
+    /// marks bad ones missing.
     fn prepare_binned_sites<'a>(
         &self,
         photo: &'a Frame<Work>,
@@ -111,8 +112,8 @@ impl Pipeline {
         prepared
     }
 
-    /// A JPEG is data by its coefficients, unless it was coded before in coarser steps, whose
-    /// errors its file does not show, or has not the rig's size.
+    /// Makes the coefficients of a JPEG its data, unless the file does not have the photo's size,
+    /// or was coded before in coarser steps, whose errors the coefficients do not show.
     fn with_coefficients<'a>(
         &self,
         mut prepared: Prepared<'a>,
@@ -120,7 +121,7 @@ impl Pipeline {
         coding: &Coding,
         tone: &Tone,
     ) -> Prepared<'a> {
-        // Divided by the dark corner, the light is no longer the coefficients'.
+        // Once divided by the dark corner, the light no longer matches the coefficients.
         if self.beyond == Beyond::Dark {
             return prepared;
         }
@@ -151,10 +152,10 @@ impl Pipeline {
         prepared
     }
 
-    /// Raw sites of the rig's own sensor are divided by its gain pattern, and bad ones are missing.
-    /// Their noise is that of the file, if it is plausible and not below [`AVERAGED_MIN`]; else the
-    /// sensor's, or what their spectrum shows where that is far more: the gain may have been
-    /// another.
+    /// Prepares raw sites of the rig's own sensor: divides them by its gain pattern and marks bad
+    /// ones missing. Their noise is what the file states if that is plausible, raised to
+    /// [`AVERAGED_MIN`] if below; otherwise the sensor's noise, or the noise in their spectrum if
+    /// that is far higher, because the gain may have differed.
     fn prepare_raw<'a>(&self, photo: &'a Frame<Work>, raw: RawSites, rect: Rect) -> Prepared<'a> {
         let raw = raw.in_units_of(self.own_counts_per_level);
         let one_exposure = self.noise_at(&raw);
@@ -177,8 +178,8 @@ impl Pipeline {
         prepared
     }
 
-    /// Sets the noise of the raw sites of `photo`, whose sensor has the noise `own` in one
-    /// exposure, its focus and its spectral finding.
+    /// Sets noise, focus and spectral finding of the raw `photo`, whose sensor has the noise `own`
+    /// in one exposure.
     fn test_spectrum(&self, photo: &mut Prepared<'_>, raw: &RawSites, mut own: [Noise; 3]) {
         let sigma = |own: &[Noise; 3], c: Channel, light: f32| {
             let one = own[c.index()].sigma(light);
@@ -219,7 +220,7 @@ impl Pipeline {
         }
     }
 
-    /// The raw `photo`, at `rect` of the canvas, in linear light of equal sites.
+    /// The raw `photo`, at `rect` of the canvas, in linear light divided by the sites' gains.
     fn evened<'a>(
         &self,
         photo: &'a Frame<Work>,
@@ -242,7 +243,7 @@ impl Pipeline {
         }
     }
 
-    /// `even`, which is `photo` in linear light of equal sites, at `rect` of the canvas.
+    /// Places `even`, the linear light of `photo`, at `rect` of the canvas, and estimates noise.
     fn place<'a>(
         &self,
         photo: &Frame<Work>,
@@ -256,7 +257,7 @@ impl Pipeline {
             self.photo_side.undo_dark_corner(&mut flat);
         }
         let trust = Frame::from_fn(|c| {
-            // Saturation is the sensor's, before any division.
+            // Taken from `photo`: the sensor saturates before any division.
             let full = SATURATION_SHARE * FULL_SCALE;
             let inner = photo.plane(c).map(|v: f32| if v >= full { SATURATED } else { TRUSTED });
             data_term::place(&inner, canvas, rect, MISSING)
@@ -302,7 +303,7 @@ impl Pipeline {
         }
     }
 
-    /// Marks as missing the pixels of the photo that `is_bad` by the sensor's gain pattern.
+    /// Marks as missing the pixels of the photo for which `is_bad` returns true.
     fn mark_missing(
         &self,
         observation: &mut Observation,
@@ -320,9 +321,9 @@ impl Pipeline {
         }
     }
 
-    /// The noise of one channel of `photo`: as estimated from its pixels, and at least the camera's
-    /// at its mean light, with a JPEG's coding errors on top, which are flattened where it is
-    /// estimated and remain elsewhere.
+    /// Estimates the noise of one channel of `photo` from its pixels, or takes the camera's noise
+    /// at its mean light if that is larger. A JPEG's coding errors are added: they are absent from
+    /// the pixels that the estimate uses, but not from the others.
     fn estimate_noise(&self, channel: Channel, photo: &Plane) -> EstimatedNoise {
         let camera = self.noise[channel.index()].sigma(photo.mean() as f32);
         let sigma = data_term::noise_of(photo).max(camera);
@@ -331,8 +332,8 @@ impl Pipeline {
     }
 }
 
-/// Replaces the missing pixels of a photo by a continuation of the others: a hot site would remain
-/// in the start of a solve.
+/// Replaces the missing pixels of a photo by a smooth continuation of the others; otherwise a hot
+/// site would be part of a solve's initial value.
 fn fill_missing(observation: &mut Observation) {
     let rect = observation.rect;
     for c in Channel::ALL {
@@ -353,11 +354,11 @@ fn mark_saturated(trust: &mut Frame<Work, u8>, rect: Rect, saturated: &Frame<Wor
     }
 }
 
-/// The noise of one channel, σ in grey levels.
+/// Noise of one channel, σ in grey levels.
 #[derive(Debug, Clone, Copy)]
 struct EstimatedNoise {
-    /// All of it.
+    /// Total noise.
     sigma: f32,
-    /// That of visible coding blocks; 0 without any.
+    /// Coding error alone; 0 if the photo shows no blocks.
     coding: f32,
 }

@@ -6,7 +6,7 @@ use crate::config::{self, OperatingPoint, RigFile};
 use crate::deconvolution::method::digital::Digital;
 use crate::deconvolution::method::hybrid;
 
-/// The numbers chosen for a rig; all others are its file's.
+/// A method and its numbers, as chosen for a rig; all other numbers are those of the rig file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub struct Setting {
@@ -16,9 +16,9 @@ pub struct Setting {
     pub steps: u32,
     /// Steps of each correction of the hybrid method.
     pub correction_steps: u32,
-    /// Most captures of a photo: at least one for the hybrid, any for block matching.
+    /// Maximum number of captures per photo: at least 1 for the hybrid, from 0 for block matching.
     pub captures_max: u32,
-    /// Rounds of block matching in each solve, where that is the method.
+    /// Rounds of block matching per solve; unused by other methods.
     pub rounds: u32,
 }
 

@@ -1,4 +1,4 @@
-//! A photo of a scene on the panel: how a rig of devices gets a truth to score results by.
+//! Photos of known scenes on the panel, by which results on a rig of devices are scored.
 
 use super::Pipeline;
 use crate::deconvolution::data_term;
@@ -9,8 +9,8 @@ use crate::rig::exposure::Devices;
 
 impl Pipeline {
     /// The photo that the camera of `rig` takes of `scene` (photo-sized, linear light 0..255) on
-    /// its panel: linear light with blur, colour fringes and noise. The panel's primaries stand for
-    /// the scene's light, and the panel's shading for the scene's.
+    /// its panel: linear light with blur, colour fringes and noise. Light and shading are the
+    /// panel's, not those of a real scene.
     ///
     /// # Errors
     /// When the capture fails.

@@ -1,4 +1,4 @@
-//! A prepared photo solved by a method, its colours aligned and cropped to the photo.
+//! Solution of a prepared photo by a method, cropped to the photo.
 
 use super::Pipeline;
 use super::stages::{BoundedLens, Prepared, Solved};
@@ -54,7 +54,7 @@ impl Pipeline {
         })
     }
 
-    /// The `solution` of `photo`, its colours aligned and cropped to the photo.
+    /// The `solution` of `photo`, cropped to the photo and with its outliers put back.
     pub(super) fn finish(
         &self,
         photo: &Prepared<'_>,

@@ -11,65 +11,65 @@ use crate::deconvolution::method::{About, Solution};
 use crate::deconvolution::observation::Observation;
 use crate::frame::{Frame, Rect, Work, once};
 
-/// Expected z from which a photo without the pattern is another sensor's. Own photos of the limits,
-/// down to JPEGs of quality 60, have 1.4 times what is expected on average, with a standard error
-/// of 1: 0.4 % of those with this much have less than half. Raised from 2.5 for an own photo of the
-/// rates.
+/// Expected z from which a photo without the pattern is attributed to another sensor. On the
+/// laboratory's group of limits the rig's own photos, down to JPEGs of quality 60, have 1.4 times
+/// the expected z on average, with a standard error of 1: 0.4 % of those with this expected z have
+/// less than half of it. Raised from 2.5 because of one own photo in the group of rates.
 const EXPECTED_MIN: f64 = 3.0;
-/// z from which a photo has the pattern, whatever is expected. Of 215 photos of other sensors z is
-/// 3.1 at most (limits).
+/// z from which a photo has the pattern, whatever its expected z. Of 215 photos of other sensors in
+/// the group of limits none exceeds 3.1.
 const Z_MIN: f64 = 4.0;
-/// The same at the best of many places: 1 of 3 million is above by chance, and 1000 are tried.
+/// [`Z_MIN`] for the best of many places: 1 of 3 million exceeds it by chance, and 1000 are tried.
 const Z_MIN_OF_PLACES: f64 = 5.0;
 
 /// A photo made ready for the methods.
 #[derive(Clone)]
 pub struct Prepared<'a> {
-    /// The photo, photo-sized, linear light 0..255; of raw sites divided by the sensor's gain
+    /// The photo, photo-sized, linear light 0..255; raw sites are divided by the sensor's gain
     /// pattern.
     pub photo: Cow<'a, Frame<Work>>,
-    /// Its data on the canvas.
+    /// The photo's data on the canvas.
     pub observation: Observation,
-    /// Its focus, if it is not the panel's.
+    /// Focus of the photo, if it differs from the panel's.
     pub focus: Option<PhotoFocus>,
-    /// Its lens, if it is not the one measured at the panel.
+    /// Lens of the photo, if it differs from the one measured at the panel.
     pub(super) lens: Option<BoundedLens>,
-    /// Whether its spectrum shows a lens much sharper than the measured one; of raw photos.
+    /// Whether a raw photo's spectrum shows a lens much sharper than the measured one.
     pub is_of_sharper_lens: bool,
-    /// How clearly it shows the pattern of the rig's sensor; `None` where that was not measured.
+    /// Match with the gain pattern of the rig's sensor; `None` if that was not measured.
     pub sensor: Option<SensorMatch>,
-    /// Its outliers, where it is solved without them.
+    /// Outliers that are masked, if any.
     pub outliers: Option<Outliers>,
     /// Notes for the report.
     pub notes: Vec<String>,
-    /// The verdict of the measured lens alone, computed when first needed.
+    /// Finding of the measured lens alone, computed when first needed.
     pub(super) lens_alone: OnceLock<LensAlone>,
-    /// RMS of K̂B − B by the measured lens, likewise.
+    /// RMS of K̂B − B per channel, grey levels, computed when first needed.
     pub(super) untouched: OnceLock<[f32; 3]>,
 }
 
-/// How clearly a photo has the gain pattern of a sensor.
+/// Match of a photo with the gain pattern of the rig's sensor.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SensorMatch {
-    /// z, in standard errors.
+    /// Measured z, in standard errors.
     pub found: f64,
-    /// z that this sensor's photos have on average.
+    /// Expected z of a photo that this sensor took.
     pub expected: f64,
 }
 
 /// The sensor that took a photo.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum TakenBy {
-    /// The rig's.
+    /// The rig's sensor.
     Own,
-    /// Another.
+    /// Another sensor.
     Another,
-    /// Either: the photo shows too little of any pattern.
+    /// Unknown: the photo shows too little of any pattern.
     Either,
 }
 
 impl SensorMatch {
-    /// Of another sensor if that is likelier, z being nearer to 0 than to what is expected.
+    /// Attributes the photo to another sensor if z is nearer to 0 than to what is expected.
     pub(super) fn taken_by(self) -> TakenBy {
         let is_unlikely = self.found < (0.5 * self.expected).min(Z_MIN);
         if self.found >= Z_MIN {
@@ -86,14 +86,14 @@ impl SensorMatch {
 #[derive(Clone)]
 pub(super) struct BoundedLens {
     pub(super) model: Arc<LensModel>,
-    /// At all pixels.
+    /// Norms for data at all pixels.
     pub(super) norms: OperatorNorms,
-    /// The same at raw sites, computed when first needed.
+    /// Norms for data at raw sites, computed when first needed.
     pub(super) at_sites: OnceLock<OperatorNorms>,
 }
 
 impl BoundedLens {
-    /// The bounds at raw sites.
+    /// Bounds on the norms for data at raw sites.
     pub(super) fn norms_at_sites(&self) -> &OperatorNorms {
         once(&self.at_sites, || OperatorNorms::at_sites(&self.model, self.norms.levels[0].levels()))
     }
@@ -104,12 +104,12 @@ impl BoundedLens {
 pub struct PhotoFocus {
     /// 1/distance of the scene − 1/distance of the panel, dioptres; positive is nearer.
     pub offset: f32,
-    /// Whether it is the nearest or farthest measured: the photo's may lie beyond.
+    /// Whether this is the nearest or farthest offset measured, and the true one may lie beyond.
     pub at_end: bool,
 }
 
 impl PhotoFocus {
-    /// The user's note on it.
+    /// Note for the user on the focus.
     pub fn note(&self) -> String {
         let side = if self.offset > 0.0 { "nearer" } else { "farther" };
         let distance = match self.offset.abs() < 0.005 {
@@ -128,24 +128,24 @@ impl PhotoFocus {
 }
 
 impl Prepared<'_> {
-    /// The sensor that took it; `None` where the pattern of the rig's was not measured.
+    /// The sensor that took the photo; `None` if the rig's gain pattern was not measured.
     pub(super) fn taken_by(&self) -> Option<TakenBy> {
         self.sensor.map(SensorMatch::taken_by)
     }
 
-    /// Whether it shows the pattern of the rig's sensor.
+    /// Whether the photo shows the gain pattern of the rig's sensor.
     pub fn shows_sensor(&self) -> bool {
         self.taken_by() == Some(TakenBy::Own)
     }
 
-    /// Whether its place in the `field` of the lens is known: that of a part by the sensor's
-    /// pattern.
+    /// Whether the photo's place in the `field` of the lens is known; a part of the field is placed
+    /// by the sensor's gain pattern.
     pub(super) fn is_placed(&self, field: Rect) -> bool {
         let shows_place = |sensor: SensorMatch| sensor.found >= Z_MIN_OF_PLACES;
         self.observation.rect == field || self.sensor.is_some_and(shows_place)
     }
 
-    /// The same photo, without findings on it.
+    /// The same photo without cached findings.
     pub(super) fn unjudged(&self) -> Self {
         Prepared { lens_alone: OnceLock::new(), untouched: OnceLock::new(), ..self.clone() }
     }
@@ -165,16 +165,16 @@ pub struct Solved {
     pub solution: Solution,
     /// The method.
     pub about: &'static About,
-    /// Captures made.
+    /// Number of captures made.
     pub captures: usize,
-    /// Their seconds on the rig's clock.
+    /// Duration of the captures on the rig's clock, seconds.
     pub capture_seconds: f64,
-    /// Seconds waited for them on the stopwatch; on a simulated rig they are computed meanwhile.
+    /// Stopwatch seconds spent waiting for captures; a simulated rig computes them meanwhile.
     pub waited_seconds: f64,
 }
 
 impl Solved {
-    /// The same result with the captures of `another` one of the same photo.
+    /// The same result with the captures of `another` result of the same photo added.
     pub(super) fn with_captures_of(self, another: &Solved) -> Solved {
         Solved {
             captures: self.captures + another.captures,
@@ -185,12 +185,12 @@ impl Solved {
     }
 }
 
-/// What the lens model alone shows of a photo.
+/// Finding of the lens model alone on a photo.
 #[derive(Clone)]
 pub(super) enum LensAlone {
-    /// No scene gives the photo: the residuals of the channels that show it.
+    /// No scene gives the photo through the lens; with the residuals of the channels examined.
     Foreign(Vec<Residuals>),
-    /// Some scene may.
+    /// Some scene may give the photo; with the reference solution and its evidence.
     Fitting(Box<Reference>),
 }
 

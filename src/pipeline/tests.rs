@@ -15,7 +15,7 @@ use crate::measurement::{calibrate, to_the_end};
 use crate::picture::{Format, Limits, Manner, Photo, Tone, encode};
 use crate::rig::simulated::{Witness, open};
 
-/// What the small rig is measured to be; once for all tests.
+/// The calibration of the small rig, measured once for all tests.
 pub(super) fn small() -> &'static Calibration {
     static MEASURED: OnceLock<Calibration> = OnceLock::new();
     MEASURED.get_or_init(|| {
@@ -53,12 +53,12 @@ impl Bed {
         Frame::from_fn(|_| Plane::from_fn(self.config.photo.size(), of))
     }
 
-    /// A photo of it.
+    /// A photo of [`Bed::scene`].
     fn photo(&self) -> Frame<Work> {
         self.photo_of(&self.scene())
     }
 
-    /// A photograph for a scene, in light: of few greys a JPEG passes for one that was coded twice.
+    /// A scene from a photograph, in light: with few greys, a JPEG would pass for one coded twice.
     fn coffee(&self) -> Frame<Work> {
         let tone = Tone::of_curve(self.config.photo.curve, 8);
         let codes = crate::picture::embedded(include_bytes!("../../tests/scenes/coffee.png"));
@@ -120,7 +120,7 @@ fn a_replaced_result_is_told_as_what_is_delivered_and_why() {
     assert_eq!((outcome.verdict, outcome.method), (Verdict::Replaced, "digital"));
     assert_eq!((outcome.stage, outcome.captures), (ResultStage::LensModel, 1));
     assert!(outcome.reason.contains("returned in its place"), "{}", outcome.reason);
-    // The certificate and the record of what failed are not those of what is delivered.
+    // Certificate and record describe what is delivered, not the result that failed.
     assert_eq!(outcome.certificate, None);
     assert!(outcome.iterations.iter().all(|step| step.captures == 0));
     let alone = bed.restore(&photo, &Digital::default());
@@ -186,8 +186,8 @@ impl Method for Changed {
     }
 }
 
-/// A tint from column to column that no lightness shows: red and blue by turns, of equal luminance,
-/// and too fine for the lens.
+/// Adds a tint that lightness does not show: red and blue in turn from column to column, of equal
+/// luminance and too fine for the lens.
 fn tint(picture: &mut Frame<Work>) {
     // Rec. 709 weighs red 0.2126 and blue 0.0722.
     for (plane, levels) in picture.planes_mut().iter_mut().zip([10.0, 0.0, -29.4]) {
@@ -211,7 +211,7 @@ fn a_tint_that_lightness_does_not_show_is_replaced() {
     const ABOUT: About = About { name: "tinter", starts_from_lens: false };
     let reference = Box::new(TotalVariation::default());
     let outcome = bed.restore(&photo, &Changed { about: &ABOUT, reference, change: tint });
-    // No capture led it astray, so `digital` is not asked.
+    // No capture led it astray, so `digital` is not tried.
     assert_eq!((outcome.verdict, outcome.method), (Verdict::Replaced, "total-variation"));
     assert!(outcome.reason.contains("too far in colour"), "{}", outcome.reason);
 }
@@ -314,7 +314,7 @@ impl Came {
     }
 }
 
-/// What a restoration takes: captures, and seconds of the processor on one thread.
+/// Verdict and cost of a restoration: captures, and processor seconds on one thread.
 fn work(photo: &Came, named: Named, bed: &mut Bed) -> (Verdict, usize, f64) {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
     let seconds = || {

@@ -14,7 +14,7 @@ const NAME: &str = "pilot.json";
 
 #[derive(Serialize, Deserialize)]
 struct Baseline {
-    /// The generation of the calibration it belongs to.
+    /// Generation of the calibration that the reading belongs to.
     generation: u32,
     reading: PilotReading,
 }
@@ -25,7 +25,7 @@ pub(super) fn load(slots: &Path, generation: u32) -> Option<PilotReading> {
     (baseline.generation == generation).then_some(baseline.reading)
 }
 
-/// Keeps `reading`; if that fails, the next pilot makes a new one.
+/// Keeps `reading` for calibration `generation`; if that fails, the next pilot replaces it.
 pub(super) fn save(slots: &Path, generation: u32, reading: &PilotReading) {
     let baseline = Baseline { generation, reading: *reading };
     let bytes = json(&baseline, &slots.join(NAME));

@@ -5,14 +5,14 @@ use crate::frame::{Channels, CoarseResult, FULL_SCALE, Frame, RawSites, Work};
 use crate::picture::Photo;
 use crate::pipeline::{Outcome, PhotoData, Recorded, SATURATION_SHARE, Verdict};
 
-/// Threshold of what remains of the photo's own pixels, in standard deviations of their noise.
+/// Threshold of the photo's detail within binned pixels, in standard deviations of its noise.
 /// Measured on `truthful.toml` with half its pitch, binned by 2: without a threshold SSIM falls by
-/// 0.002 to 0.010; without these pixels PSNR falls by 0.03 to 0.06 dB.
+/// 0.002 to 0.010; without that detail PSNR falls by 0.03 to 0.06 dB.
 const FINE_SIGMAS: f32 = 2.0;
 
 /// A binned photo.
 pub(super) struct BinnedPhoto {
-    /// Means of its light.
+    /// Mean light of each bin.
     pub(super) light: Frame<Work>,
     saturated: Frame<Work, bool>,
     channels: Channels,
@@ -20,7 +20,7 @@ pub(super) struct BinnedPhoto {
 }
 
 impl BinnedPhoto {
-    /// `photo` binned `by` pixels along each side.
+    /// Bins `photo` by `by` pixels along each side.
     pub(super) fn of(photo: &Photo, by: usize) -> BinnedPhoto {
         let full = SATURATION_SHARE * FULL_SCALE;
         BinnedPhoto {
@@ -31,15 +31,15 @@ impl BinnedPhoto {
         }
     }
 
-    /// Its data for the pipeline.
+    /// The binned data for the pipeline.
     pub(super) fn data(&self) -> PhotoData<'_> {
         let BinnedPhoto { light, saturated, channels, raw } = self;
         let recorded = Recorded::Binned { saturated, raw: *raw };
         PhotoData { light, channels: *channels, recorded }
     }
 
-    /// Brings the `outcome` of `photo` from the solving grid to the photo's own, with a note.
-    /// `noise` is that of the means, σ in grey levels.
+    /// Carries the `outcome` from the solving grid to that of `photo`, and adds a note. `noise` is
+    /// the σ of the binned light, in grey levels.
     pub(super) fn carry(&self, outcome: &mut Outcome, photo: &Photo, noise: [f32; 3]) {
         if outcome.verdict == Verdict::Untouched {
             return;

@@ -21,7 +21,7 @@ use crate::rig::shoot::{CLIPPED_SHARE_MAX, CountRange, meter, shoot};
 
 /// File name beside the calibration's slots.
 const NAME: &str = "lens-flat.json";
-/// Exposures of a take: the noise of a cell falls far below a thousandth.
+/// Exposures averaged in a take: the noise of a cell falls far below a thousandth.
 const EXPOSURES: u8 = 16;
 /// Multiples of the rig file's exposure that metering may choose.
 const TIMES: (f64, f64) = (0.05, 20.0);
@@ -29,23 +29,23 @@ const TIMES: (f64, f64) = (0.05, 20.0);
 const LIGHT_MIN: f64 = 0.1;
 /// Points along each side of the photo at which surfaces are compared.
 const POINTS: usize = 9;
-/// Largest difference of two takes with the diffuser turned in between, as a share. Guess: twice
-/// the smallest visible error of a corner.
+/// Largest difference between the two takes, before and after the diffuser is turned, as a share.
+/// Guess: twice the smallest visible error of a corner.
 const UNEVEN_MAX: f64 = 0.02;
-/// Least share of the light anywhere; below it something covers the lens.
+/// Smallest share of the light at any point; below it something covers the lens.
 const SHARE_MIN: f64 = 0.05;
 
 /// Share of the light that the lens transmits to each point of the photo, per channel; 1 at the
 /// brightest point.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct LensFlat {
-    /// Identity of the rig, hexadecimal, as JSON numbers have 53 bits.
+    /// Identity of the rig, in hexadecimal because JSON numbers have only 53 bits.
     rig: String,
     shares: [Surface; 3],
     photo: Size,
 }
 
-/// The light is unsuitable: what was found, what is allowed, and what to do.
+/// The light is unsuitable; states what was found, what is allowed and what to do.
 #[derive(Debug, thiserror::Error)]
 #[error("behind the diffuser {0}")]
 struct UnsuitableLight(String);
@@ -57,7 +57,8 @@ impl Remediable for UnsuitableLight {
 }
 
 /// Measures the vignetting of the lens of `devices` behind an evenly lit diffuser, in two takes,
-/// and stores it beside the calibration in `slots`. `turn` asks for the diffuser to be turned.
+/// and stores it beside the calibration in `slots`. `turn` asks the user to turn the diffuser
+/// between them.
 ///
 /// # Errors
 /// When there is no calibration, the light is too dark, too bright or uneven, or a capture or the
@@ -82,7 +83,7 @@ pub fn measure(
     Ok(flat)
 }
 
-/// The mean of some exposures, in straight counts over black.
+/// Mean of [`EXPOSURES`] exposures, in linearised counts above black.
 fn take(
     config: &RigFile,
     devices: &mut Devices,
@@ -113,7 +114,7 @@ fn take(
     Ok(take)
 }
 
-/// The vignetting stored in `slots`; `None` if none is, or it belongs to another rig.
+/// Reads the vignetting stored in `slots`; `None` if there is none or it belongs to another rig.
 pub fn load(config: &RigFile, slots: &Path) -> Option<LensFlat> {
     let flat: LensFlat = serde_json::from_slice(&kept(slots, NAME).ok()??).ok()?;
     let fits = flat.rig == identity(config)
@@ -127,8 +128,8 @@ fn identity(config: &RigFile) -> String {
 }
 
 impl LensFlat {
-    /// Fits two `takes` of the whole sensor, straight counts over black, between which the diffuser
-    /// was turned.
+    /// Fits the vignetting to two `takes` of the whole sensor, in linearised counts above black,
+    /// between which the diffuser was turned.
     ///
     /// # Errors
     /// When the takes are rough, differ, or have a dark corner.
@@ -173,14 +174,14 @@ impl LensFlat {
         )))
     }
 
-    /// The least share of the light.
+    /// Smallest share of the light, at any point and in any channel.
     pub fn darkest(&self) -> f64 {
         let shares = |(x, y)| self.shares.each_ref().map(|share| share.at(x, y));
         points(self.photo).flat_map(shares).fold(f64::INFINITY, f64::min)
     }
 
-    /// Divides `picture`, linear light of a photo from its column `left` and row `top` on, by the
-    /// shares.
+    /// Divides `picture`, whose upper left pixel is at column `left` and row `top` of the rig's
+    /// photo, by the shares. `picture` is linear light.
     pub(super) fn remove_from(&self, picture: &mut Frame<Work>, (left, top): (usize, usize)) {
         for (plane, share) in picture.planes_mut().iter_mut().zip(&self.shares) {
             let width = plane.width().max(1);

@@ -10,11 +10,11 @@ use crate::measurement::{CalibrationProgress, calibrate};
 use crate::remedy::AnyFailure;
 use crate::rig::exposure::Devices;
 
-/// Checks that the lens can be measured at a focus `offset`, dioptres, on the rig whose calibration
-/// is in `slots`.
+/// Checks that the lens can be measured at a focus `offset` dioptres nearer than the panel's, on
+/// the rig whose calibration is in `slots`.
 ///
 /// # Errors
-/// When the offset is out of range, too many others are kept, or there is no calibration.
+/// When the offset is out of range, too many other focuses are kept, or there is no calibration.
 pub fn check(config: &config::RigFile, slots: &Path, offset: f32) -> Result<(), AnyFailure> {
     store::load(slots, config.identity)?.check_offset(offset).map_err(AnyFailure::from)
 }
@@ -23,7 +23,7 @@ pub fn check(config: &config::RigFile, slots: &Path, offset: f32) -> Result<(), 
 /// it in the calibration in `slots`.
 ///
 /// # Errors
-/// When the rig cannot be calibrated, or the result not kept; the calibration then stays as it was.
+/// When the rig cannot be calibrated or the result cannot be kept; the old calibration then stays.
 pub fn measure(
     config: &config::RigFile,
     devices: &mut Devices,

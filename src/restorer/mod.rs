@@ -2,13 +2,14 @@
 //!
 //! | file | content |
 //! |---|---|
-//! | [`diffuser`] | the lens's own dark corner, on flash |
+//! | [`diffuser`] | vignetting of the lens alone, kept on flash |
+//! | [`focus`] | the lens at focuses other than the panel's |
 //! | [`on_rig`] | a rig with its [`Pipeline`](crate::pipeline::Pipeline) and its files |
-//! | [`operating_point`] | the method and numbers chosen for the rig, on flash |
+//! | [`operating_point`] | the method and its settings chosen for the rig, kept on flash |
 //! | [`photo_file`] | a photo that the rig takes, as a file |
-//! | `binned` | a photo on a coarser grid of the solver |
-//! | `baseline` | the pilot's reading from which drift is measured, on flash |
-//! | `progress` | how far a restoration is |
+//! | `binned` | a photo binned to the solver's coarser grid |
+//! | `baseline` | the pilot's reading from which drift is measured, kept on flash |
+//! | `progress` | progress of a restoration |
 //! | `provenance` | which camera took a raw photo |
 
 mod baseline;
@@ -47,7 +48,7 @@ pub trait Restorer {
     /// Carries out a failure's remedy: [`Remedy::Recalibrate`] or [`Remedy::ReopenRig`].
     ///
     /// # Errors
-    /// When that fails, too; the daemon then calls the operator with this error's message.
+    /// When the remedy fails; the daemon then calls the operator with this error's message.
     fn mend(&mut self, remedy: Remedy) -> Result<(), AnyFailure>;
 
     /// Shows `screen` until the next capture. A failure of the panel is reported by that capture.
@@ -58,21 +59,21 @@ pub trait Restorer {
     /// Takes a photo of the scene before the lens; `None` if the restorer takes none.
     ///
     /// # Errors
-    /// When an exposure brings no frame.
+    /// When an exposure yields no frame.
     fn take(&mut self) -> Result<Option<TakenPhoto>, AnyFailure> {
         Ok(None)
     }
 
-    /// Whether the panel is before the lens, so that captures can be made of it.
+    /// Looks whether the panel is before the lens, as captures need it.
     ///
     /// # Errors
-    /// When a capture brings no frame.
+    /// When a capture yields no frame.
     fn look_for_panel(&mut self) -> Result<PanelView, AnyFailure> {
         Ok(PanelView::There)
     }
 
-    /// Measures by the pilot picture how far the rig has drifted since its calibration; `None` if
-    /// it cannot.
+    /// Measures the drift of the rig since its calibration with the pilot picture; `None` if the
+    /// restorer has none.
     ///
     /// # Errors
     /// When a capture fails.
@@ -86,13 +87,13 @@ pub trait Restorer {
 pub enum PanelView {
     /// Not in view.
     Absent,
-    /// In view, but its frame marks are not found: why.
+    /// In view, but its frame marks are not found; holds the reason.
     Askew(String),
     /// In place for captures.
     There,
 }
 
-/// How far a restoration is.
+/// Progress of a restoration.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Progress {
     /// Share done, 0..1.
@@ -103,7 +104,7 @@ pub struct Progress {
     pub captures: usize,
 }
 
-/// Longest file beside the calibration's slots.
+/// Limit of the length of a file beside the calibration's slots, bytes.
 const BYTES_MAX: u64 = 16 << 20;
 
 /// The file `name` beside the calibration's slots; `None` if there is none.

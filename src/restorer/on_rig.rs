@@ -30,26 +30,26 @@ pub struct OnRig {
     devices: Devices,
     slots: PathBuf,
     method: Box<dyn Method + Send + Sync>,
-    /// The numbers of that method: of the rig file, or of the operating point.
+    /// Settings of the method, from the rig file or the operating point.
     setting: Setting,
     pipeline: Pipeline,
     calibrating: fn(CalibrationProgress),
     interruption: Option<Interruption>,
     /// The pilot's reading right after the calibration.
     baseline: Option<PilotReading>,
-    /// The camera's sensor as calibrated.
+    /// Properties of the camera's sensor, from the calibration.
     sensor: SensorFacts,
-    /// The lens's own dark corner, where it is to be removed and was measured.
+    /// Vignetting of the lens alone, if it is to be removed and was measured.
     lens_flat: Option<diffuser::LensFlat>,
-    /// The photo restored last, and its result, for the panel.
+    /// The last restored photo and its result, to be shown on the panel.
     last: Option<(Frame<Work>, Frame<Work>)>,
 }
 
-/// Calibrates `devices` and keeps the result in `slots`, a folder made if need be. The calibration
-/// before stays if this fails, or is cancelled by `interrupted`.
+/// Calibrates `devices` and keeps the result in the folder `slots`, which is made if missing. If
+/// the measurement fails or `interrupted` cancels it, the previous calibration stays.
 ///
 /// # Errors
-/// When the rig cannot be calibrated, the result not kept, or the calibration was cancelled.
+/// When the rig cannot be calibrated, the result cannot be kept, or the calibration is cancelled.
 pub fn measure(
     config: &config::RigFile,
     devices: &mut Devices,
@@ -72,8 +72,8 @@ pub fn measure(
     Ok(measured)
 }
 
-/// Passes the progress of a calibration to `calibrating`, and cancels it once `interrupted` is
-/// true.
+/// Creates an observer that passes the progress of a calibration to `calibrating`, and cancels the
+/// calibration once `interrupted` returns true.
 pub(super) fn watch(
     calibrating: fn(CalibrationProgress),
     interrupted: Option<&Interruption>,
@@ -101,8 +101,8 @@ fn read_pilot(
 }
 
 impl OnRig {
-    /// The restorer on `devices`, described by `config`, with the calibration in `slots`; by
-    /// `method`, or by the operating point.
+    /// Creates the restorer on `devices`, described by `config`, with the calibration in `slots`.
+    /// Without a `method` it uses that of the operating point or the rig file.
     ///
     /// # Errors
     /// When there is no valid calibration of this rig.
@@ -135,7 +135,7 @@ impl OnRig {
     }
 
     /// The same restorer, which cancels a photo or a calibration before its next capture once
-    /// `interruption` is true.
+    /// `interruption` returns true.
     #[must_use]
     pub fn interruptible(self, interruption: Interruption) -> Self {
         let pipeline = self.pipeline.interruptible(Arc::clone(&interruption));
@@ -143,7 +143,7 @@ impl OnRig {
     }
 
     /// Removes the lens's dark corners from a result, which starts at column and row `from` of the
-    /// rig's photo, if the rig file asks for it; returns a note.
+    /// rig's photo, if the rig file sets `remove-vignetting`; returns a note.
     fn remove_vignetting(&self, picture: &mut Frame<Work>, from: (usize, usize)) -> Option<String> {
         if !self.config.restore.remove_vignetting {
             return None;
@@ -159,7 +159,7 @@ impl OnRig {
     }
 }
 
-/// Why a photo in portrait is returned.
+/// Reason for returning a photo in portrait unchanged.
 const UPRIGHT: &str = "the photo is stored upright, which leaves open how the camera was turned, \
     and does not show the pattern of this camera's pixels, which would decide it; drop it as the \
     camera stored it, or as a photo in landscape";
@@ -168,7 +168,7 @@ const TURNED: &str = "the photo was turned after it was taken, as the pattern of
     pixels shows: it is restored from its decoded pixels";
 
 impl OnRig {
-    /// `photo` turned by half, if the sensor's pattern shows that it was turned so.
+    /// Copy of `photo` turned by 180°, if the sensor's pattern shows that the photo was turned so.
     fn turned_by_half(&self, photo: &Photo) -> Option<Photo> {
         if photo.raw.is_some() || self.config.photo_grid().pattern_px.is_none() {
             return None;
@@ -183,7 +183,7 @@ impl OnRig {
         shows_sensor.then_some(turned)
     }
 
-    /// Restores `turned`, a photo turned by half, and turns its result back.
+    /// Restores `turned`, a photo turned by 180°, and turns its result back.
     fn restore_turned(
         &mut self,
         turned: &Photo,
@@ -223,7 +223,7 @@ impl Restorer for OnRig {
         photo: &Photo,
         progress: &mut dyn FnMut(Progress),
     ) -> Result<Outcome, AnyFailure> {
-        // The last photo's pictures do not belong to this one, whatever comes of it.
+        // Even if this photo fails, the panel must not show the previous one's pictures with it.
         self.last = None;
         progress(STARTED);
         let camera = photo.camera.as_ref();
@@ -267,7 +267,7 @@ impl Restorer for OnRig {
             self.last = Some(pair.into());
         }
         let noise = prepared.observation.noise;
-        // A large result needs the memory.
+        // Freed first, since a large result needs the memory.
         drop(prepared);
         if let Some(binned) = &binned {
             binned.carry(&mut outcome, photo, noise);
@@ -277,7 +277,7 @@ impl Restorer for OnRig {
 
     fn mend(&mut self, remedy: Remedy) -> Result<(), AnyFailure> {
         if remedy == Remedy::Recalibrate {
-            // A box that takes photos is opened without the panel in view.
+            // A box that takes photos opens without the panel in view, so its marks may be unknown.
             if let Some(place) = MarkPlace::of(&self.config)
                 && !self.devices.has_marks()
             {
@@ -331,7 +331,7 @@ impl Restorer for OnRig {
     fn pilot(&mut self) -> Result<Option<Drift>, AnyFailure> {
         let reading = read_pilot(&self.config, &mut self.devices, &self.pipeline)?;
         if self.baseline.is_none() {
-            // The baseline was not kept: drift is measured from now on.
+            // No baseline was kept: drift is measured from this reading on.
             let generation = store::load(&self.slots, self.config.identity)?.generation;
             baseline::save(&self.slots, generation, &reading);
         }

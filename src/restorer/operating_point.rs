@@ -23,10 +23,10 @@ struct KeptPoint {
     chosen: Chosen,
 }
 
-/// Why an operating point cannot be read or kept.
+/// Failure to read or keep an operating point.
 #[derive(Debug, thiserror::Error)]
 pub enum OperatingPointError {
-    /// There is none, or none that can be used: the file, and what is wrong.
+    /// There is no usable operating point; names the file and what is wrong.
     #[error("{0}")]
     Unusable(String),
     /// The file cannot be read or written.
@@ -43,10 +43,10 @@ impl Remediable for OperatingPointError {
     }
 }
 
-/// The choice for the request of `rig`; `None` without a request.
+/// Reads the operating point chosen for `rig`; `None` if the rig file requests none.
 ///
 /// # Errors
-/// When there is no valid choice for it.
+/// When there is no valid choice for the request.
 pub fn load(slots: &Path, rig: &config::RigFile) -> Result<Option<Chosen>, OperatingPointError> {
     let Some(wanted) = rig.restore.operating_point else { return Ok(None) };
     let path = slots.join(NAME);
@@ -68,7 +68,7 @@ pub fn load(slots: &Path, rig: &config::RigFile) -> Result<Option<Chosen>, Opera
     Ok(Some(point.chosen))
 }
 
-/// Keeps the choice for `rig`, whole or not at all.
+/// Keeps the operating point `chosen` for `rig`, whole or not at all.
 ///
 /// # Errors
 /// When the file cannot be written.
@@ -83,7 +83,8 @@ pub fn save(
     Ok(keep(slots, NAME, format!("{HEAD}{text}").as_bytes())?)
 }
 
-/// The setting for photos on `rig`: `method` if given, else the choice, else the rig file's.
+/// Setting for photos on `rig`: for `method` if given, else the chosen operating point, else the
+/// rig file's.
 pub fn setting(slots: &Path, rig: &config::RigFile, method: Option<MethodName>) -> Setting {
     let filed = Setting::as_filed(rig, method.unwrap_or(rig.restore.method));
     if method.is_some() {

@@ -11,22 +11,23 @@ use crate::rig::RigError;
 use crate::rig::exposure::Devices;
 use crate::rig::shoot::{CountRange, PhotoShot, SiteNoise, meter, shoot, sites_of};
 
-/// Range of automatic exposures, as multiples of the rig file's.
+/// Range of automatic exposures, as multiples of the rig file's exposure.
 pub const PROPOSED: (f64, f64) = (1.0 / 32.0, 32.0);
 
-/// The sensor that takes a photo.
+/// Properties of the sensor that takes a photo.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SensorFacts {
-    /// Its range of counts.
+    /// Range of the sensor's counts.
     pub range: CountRange,
-    /// Counts of its channels for each grey level of red, green and blue light, where measured.
+    /// Counts per grey level, by channel of the sensor and then by colour of the light (red, green,
+    /// blue); `None` if unknown.
     pub gains: Option<[[f64; 3]; 3]>,
-    /// The noise of one exposure, where measured.
+    /// Noise of a site in one exposure; `None` if unknown.
     pub noise: Option<SiteNoise>,
 }
 
 impl SensorFacts {
-    /// What the `calibration` of `rig` measured of its sensor.
+    /// Takes the properties of the sensor of `rig` from its `calibration`.
     pub fn of(rig: &RigFile, calibration: &Calibration) -> SensorFacts {
         let of_unit = calibration.counts_per_level.map(f64::from);
         let mixing = calibration.cross_channel.c;
@@ -35,8 +36,8 @@ impl SensorFacts {
         let black = calibration.black_level(Channel::Green);
         SensorFacts {
             range: CountRange { black, max: rig.camera.count_max() },
-            // The panel's primaries are near sRGB's. A simulated rig's scenes give each channel
-            // its own light.
+            // Measured with the panel's primaries, which are near sRGB's. They do not hold for the
+            // scenes of a simulated rig, whose channels each see a light of their own.
             gains: rig.simulation().is_none().then_some(gains),
             // The noise of a binned pixel is not that of its sites.
             noise: (rig.camera.binning == 1).then(|| site_noise_of(calibration)),
@@ -49,17 +50,17 @@ impl SensorFacts {
 pub struct TakenPhoto {
     /// The file's bytes.
     pub bytes: Vec<u8>,
-    /// Its file extension.
+    /// File extension, without the dot.
     pub ending: &'static str,
-    /// Share of saturated data, 0..1.
+    /// Share of saturated sites, 0..1.
     pub clipped_share: f64,
 }
 
-/// Takes one photo of the scene before the lens; where the camera's exposure can be set, so that
-/// hardly anything is saturated.
+/// Takes one photo of the scene before the lens. If the camera's exposure can be set, it is metered
+/// so that hardly any site is saturated.
 ///
 /// # Errors
-/// When an exposure brings no frame, or the camera does not take its setting.
+/// When an exposure yields no frame, or the camera rejects a setting.
 pub fn take(
     devices: &mut Devices,
     rig: &RigFile,
@@ -71,8 +72,8 @@ pub fn take(
         Ok((times, shoot(devices, mosaic, range, 1)?))
     };
     let taken = taken();
-    // The exposure returns to the rig file's, whatever became of the photo; the first frame after a
-    // change may still have the old one.
+    // Even after a failure, return to the rig file's exposure. The first frame after a change may
+    // still have the old one, so one is discarded.
     let back = devices.expose_times(1.0).and_then(|_| devices.expose());
     let (times, shot) = taken?;
     back?;
@@ -91,7 +92,7 @@ pub fn take(
     })
 }
 
-/// The raw photo as a DNG file, with the noise of the mean of its exposures.
+/// Encodes a raw photo as a DNG file, with the noise of the mean of its exposures.
 pub fn raw_file(
     rig: &RigFile,
     shot: &PhotoShot,
@@ -115,10 +116,10 @@ pub fn raw_file(
     .bytes()
 }
 
-/// Three planes of counts encoded with the rig's curve; 16 bits, 8 for JPEG.
+/// Encodes three planes of counts with the rig's transfer curve, in 16 bits, or in 8 for JPEG.
 ///
 /// # Errors
-/// When the format cannot hold it.
+/// When the format cannot hold the photo.
 pub fn developed(
     rig: &RigFile,
     shot: &PhotoShot,

@@ -4,9 +4,9 @@ use super::Progress;
 use crate::deconvolution::method::{Method, Step};
 use crate::pipeline::Setting;
 
-/// Share of the solve before any correction: most photos need one solve and one capture.
+/// Progress after the first solve and its capture, 0..1; most photos need no more.
 const FIRST_SHARE: f32 = 0.8;
-/// Largest share before the result is judged.
+/// Largest progress before the result is judged.
 const UNJUDGED_MAX: f32 = 0.99;
 
 /// The progress before any step.
@@ -15,7 +15,7 @@ pub(super) const STARTED: Progress = Progress { done: 0.0, doing: "solving", cap
 /// Counts the steps of one photo.
 #[derive(Debug, Clone)]
 pub(super) struct ProgressCounter {
-    /// Steps of the first solve with its capture; 0 of a method that solves by captures alone.
+    /// Steps of the first solve and its capture; 0 for a method that solves by captures alone.
     first_steps: f32,
     /// Steps of all corrections with their captures.
     more_steps: f32,
@@ -25,8 +25,8 @@ pub(super) struct ProgressCounter {
 }
 
 impl ProgressCounter {
-    /// The counter for `method` with the numbers of `setting`. Steps count where the method starts
-    /// from the lens model, captures elsewhere.
+    /// Creates the counter for `method` with `setting`. Progress is measured in steps if the method
+    /// starts from the lens model, else in captures.
     pub(super) fn new(setting: &Setting, method: &dyn Method) -> Self {
         let captures_max = method.captures_max() as f32;
         let starts_from_lens = method.about().starts_from_lens;

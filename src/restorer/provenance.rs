@@ -1,13 +1,13 @@
-//! The provenance of a photo by its file: whether this rig's camera can have taken it, and the note
-//! where nothing proves that it did.
+//! Provenance of a photo, from its file: whether this rig's camera can have taken it, and a note if
+//! nothing proves that it did.
 
 use crate::config::RigFile;
 use crate::frame::{Mosaic, RawSites};
 use crate::picture::{Flaw, PhotoCamera, RigSetting, dng};
 
-/// The reason why this rig cannot have taken the raw photo of `camera`, the camera its file names;
-/// `None` if it can. Files of other makers are told apart by their filters alone, for each names
-/// cameras in its own way.
+/// Reason why this rig cannot have taken the raw photo with the sites `raw`, whose file names
+/// `camera`; `None` if it can. Files of other makers are judged by their colour filters alone,
+/// because each maker names cameras in its own way.
 pub(super) fn other_camera(
     config: &RigFile,
     camera: Option<&PhotoCamera>,
@@ -47,7 +47,8 @@ pub(super) fn other_camera(
     })
 }
 
-/// Why a photo whose file names `camera` is returned as it is: the rig file lists other cameras.
+/// Reason for returning a photo unchanged because its file names a `camera` that the rig file does
+/// not list; `None` if it may be restored.
 pub(super) fn unlisted_camera(config: &RigFile, camera: Option<&PhotoCamera>) -> Option<String> {
     let (found, allowed) = (&camera?.name, &config.photo.cameras);
     let holds = |part: &String| found.to_lowercase().contains(&part.to_lowercase());
@@ -69,7 +70,8 @@ fn other_setting(what: &str, found: &str, allowed: &str) -> Flaw {
     ))
 }
 
-/// The report's note on the camera of a raw photo, where nothing proves that it is this rig's.
+/// Note for the report if nothing proves that this rig's camera took a raw photo, or if the rig
+/// file has changed since.
 pub(super) fn camera_note(config: &RigFile, camera: Option<&PhotoCamera>) -> Option<String> {
     let of_another = |file: &str| {
         Some(format!(

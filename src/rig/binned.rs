@@ -1,21 +1,21 @@
-//! A camera of means of its sensor's pixels.
+//! Binning: a camera that delivers means over blocks of its sensor's pixels.
 
 use super::{Camera, Exposed, Moment, RigError};
 use crate::frame::binning::{bin, is_any};
 use crate::frame::{Counts, Frame, Size};
 
-/// A binned camera. Behind colour filters the means are of interpolated planes, so that every
-/// colour has the same centre; the interpolation is linear and uniform, and measured with the lens.
+/// A binned camera. Behind colour filters it averages interpolated planes, so that every colour has
+/// the same centre. The interpolation is linear and uniform, and is measured with the lens.
 struct BinnedCamera {
     inner: Box<dyn Camera + Send>,
     by: usize,
     count_max: u16,
-    /// Whether frames are of the sensor's own pixels.
+    /// Whether frames are delivered in the sensor's own pixels.
     own: bool,
 }
 
-/// The camera `inner`, whose largest count is `count_max`, binned `by` pixels along each side. A
-/// mean is the largest count if a pixel in it is saturated.
+/// Bins the camera `inner`, whose largest count is `count_max`, by `by` pixels along each side. A
+/// block that contains a saturated pixel has the largest count.
 pub(super) fn binned(
     inner: Box<dyn Camera + Send>,
     by: usize,

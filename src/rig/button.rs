@@ -9,7 +9,7 @@ use crate::rig::gpio_line::{CONSUMER, find};
 use crate::rig::monotonic::ready_by;
 use crate::rig::{ButtonLevel, Moment, RigError};
 
-/// Edge events per reading: the kernel queues 16 per line.
+/// Edge events read at a time; the kernel queues 16 per line.
 const EVENTS: usize = 16;
 
 /// A button on a GPIO line.
@@ -23,7 +23,7 @@ fn failed<E: Error + Send + Sync + 'static>(doing: &'static str) -> impl Fn(E) -
 }
 
 impl Button {
-    /// Requests the line with its pull resistor towards "off"; fails as [`find`].
+    /// Requests the line with its pull resistor towards "off"; errors as in [`find`].
     pub fn open(name: &GpioLine) -> Result<Self, RigError> {
         let place = find("button", name)?;
         let mut builder = gpiocdev::Request::builder();

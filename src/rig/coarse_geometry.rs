@@ -1,7 +1,7 @@
 //! Map from panel to sensor, exact to a pixel or two: enough to place and read frame marks.
 //!
-//! A homography fitted to a few dots, each shown alone. Dots from wrong frames are outvoted. The
-//! calibration measures a finer geometry later.
+//! The map is a homography fitted to a few dots, each shown alone. Dots from wrong frames are
+//! outvoted. The calibration measures a finer geometry later.
 
 use nalgebra::{DMatrix, Matrix3, Vector3};
 
@@ -25,11 +25,12 @@ fn distance(a: Place, b: Place) -> f64 {
 }
 
 impl CoarseGeometry {
-    /// Robust fit of a homography to `pairs` (panel place, sensor place).
+    /// Fits a homography to `pairs` (panel place, sensor place), robustly.
     ///
     /// Least median of squares (Zhang 1995) over all quadruples selects the pairs within
-    /// `tolerance_px`, which are fitted by least squares. `None` if fewer than five agree, since
-    /// four always do, or fewer than half.
+    /// `tolerance_px`, which are then fitted by least squares. `None` if fewer than five pairs
+    /// agree (four always do), fewer than half do, or the final fit misses one of them by more than
+    /// the tolerance.
     pub fn fit(pairs: &[(Place, Place)], tolerance_px: f64) -> Option<Self> {
         let error =
             |geometry: &Self, pair: &(Place, Place)| distance(geometry.sensor_at(pair.0), pair.1);
@@ -64,8 +65,8 @@ impl CoarseGeometry {
         .then_some(fitted)
     }
 
-    /// Robust fit of an affine map to `pairs`, which extrapolates better than a homography. `None`
-    /// if fewer than four agree, since three always do.
+    /// Fits an affine map to `pairs`, robustly; it extrapolates better than a homography. `None` if
+    /// fewer than four pairs agree (three always do), or fewer than half.
     pub fn fit_affine(pairs: &[(Place, Place)], tolerance_px: f64) -> Option<Self> {
         let error =
             |geometry: &Self, pair: &(Place, Place)| distance(geometry.sensor_at(pair.0), pair.1);
@@ -88,7 +89,7 @@ impl CoarseGeometry {
         if best.len() < 4 || 2 * best.len() < pairs.len() { None } else { Self::affine(&best) }
     }
 
-    /// Least-squares fit of an affine map by its normal equations, with centred panel places.
+    /// Fits an affine map by least squares: normal equations with centred panel places.
     fn affine(pairs: &[(Place, Place)]) -> Option<Self> {
         let (mut normal, mut right) = (Matrix3::zeros(), Matrix3::zeros());
         let from = normaliser(pairs.iter().map(|pair| pair.0))?;
@@ -141,7 +142,7 @@ fn set_row(rows: &mut DMatrix<f64>, row: usize, values: [f64; 9]) {
     }
 }
 
-/// Normalisation: the mean of the places to the origin, their mean distance from it to √2.
+/// Map that moves the mean of `places` to the origin and scales their mean distance from it to √2.
 fn normaliser(places: impl Iterator<Item = Place> + Clone) -> Option<Matrix3<f64>> {
     let count = places.clone().count() as f64;
     let sum = places.clone().fold([0.0, 0.0], |sum, p| [sum[0] + p[0], sum[1] + p[1]]);

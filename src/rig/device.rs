@@ -34,18 +34,18 @@ pub trait Panel {
     /// Shows `codes` from the next refresh on.
     ///
     /// # Errors
-    /// When the panel or the right to use it is gone.
+    /// If the panel is disconnected, or another program has taken it over.
     fn show(&mut self, codes: &Codes) -> Result<Flip, RigError>;
 }
 
-/// Start of exposures.
+/// Device that starts exposures.
 pub trait Trigger {
     /// Starts an exposure; returns the moment before it.
     ///
     /// # Errors
     /// When the line cannot be driven; [`RigError::PulseLength`] after an exposure of wrong length.
     fn fire(&mut self) -> Result<Moment, RigError>;
-    /// Makes pulses that last as long as the exposure `times` the rig file's.
+    /// Sets the length of exposing pulses for an exposure of `times` the rig file's.
     fn expose_times(&mut self, times: f64) {
         let _ = times;
     }
@@ -60,7 +60,7 @@ pub trait Camera {
     /// # Errors
     /// [`RigError::NoFrame`] if none arrives in time, [`RigError::Gone`] if the camera disconnects.
     fn frame(&mut self, deadline: Moment) -> Result<Exposed, RigError>;
-    /// Delivers the sensor's own pixels from now on, or binned ones again. Without effect on a
+    /// Switches to the sensor's own pixels (`own`) or back to binned ones. Has no effect on a
     /// camera that is not binned.
     fn deliver_own(&mut self, own: bool) {
         let _ = own;
@@ -69,14 +69,14 @@ pub trait Camera {
     fn give_back(&mut self, counts: Counts) {
         drop(counts);
     }
-    /// Sets the exposure to `times` the rig file's. Returns false, without effect, if it is set
-    /// outside this program.
+    /// Sets the exposure to `times` the rig file's. Returns false, and changes nothing, if the
+    /// exposure is set outside this program.
     fn expose_times(&mut self, times: f64) -> Result<bool, RigError> {
         let _ = times;
         Ok(false)
     }
-    /// Sets the gain as near to `times` the rig file's as its steps allow, and returns the multiple
-    /// reached. `None`, without effect, if it cannot be set.
+    /// Sets the gain to `times` the rig file's, as closely as its steps allow, and returns the
+    /// multiple reached; `None`, without a change, if the gain cannot be set.
     fn amplify_times(&mut self, times: f64) -> Result<Option<f64>, RigError> {
         let _ = times;
         Ok(None)
@@ -98,17 +98,17 @@ pub trait Clock {
 
 /// Error of a rig.
 #[derive(Debug, thiserror::Error)]
-#[allow(missing_docs)] // The sentences describe them.
+#[allow(missing_docs)] // The messages describe the variants.
 pub enum RigError {
     #[error("no frame from the camera within {waited_ms:.0} ms of the trigger")]
     NoFrame { waited_ms: f64 },
-    /// Frames arrived, but none could be identified as that of the picture shown.
+    /// Frames arrived, but none could be identified as showing the picture.
     #[error(
         "none of {tries} exposures gave a frame of the picture shown; the last was {last}. Run \
          `relens check`: panel.settle-ms may be too short"
     )]
     NotThisPicture { tries: u32, last: String },
-    /// The pulse that is the exposure had the wrong length.
+    /// The trigger pulse that times the exposure had the wrong length.
     #[error("the trigger's pulse lasted {found_ms:.2} ms instead of {wanted_ms:.2}")]
     PulseLength { found_ms: f64, wanted_ms: f64 },
     /// A device is missing or disconnected.
@@ -128,7 +128,7 @@ pub enum RigError {
 }
 
 impl RigError {
-    /// Refusal of what was `found`, with what is `allowed` instead.
+    /// Creates a [`RigError::Refused`] with what was `found` and what is `allowed` instead.
     pub fn refused(
         device: &'static str,
         found: impl Into<String>,
@@ -137,18 +137,18 @@ impl RigError {
         RigError::Refused { device, found: found.into(), allowed: allowed.into() }
     }
 
-    /// Loss of `device`.
+    /// Creates a [`RigError::Gone`] for a missing or disconnected `device`.
     pub fn gone(device: &'static str, what: impl Into<String>) -> RigError {
         RigError::Gone { device, what: what.into() }
     }
 
-    /// Another program's use of `device`.
+    /// Creates a [`RigError::Held`] for a `device` in use by another program.
     pub fn held(device: &'static str, what: impl Into<String>) -> RigError {
         RigError::Held { device, what: what.into() }
     }
 }
 
-/// `names` in a message.
+/// Joins `names` for a message.
 #[cfg(feature = "hardware")]
 pub(super) fn listed(names: &[String]) -> String {
     if names.is_empty() { "none".to_owned() } else { names.join(", ") }
@@ -161,7 +161,7 @@ impl Remediable for RigError {
             | RigError::NotThisPicture { .. }
             | RigError::PulseLength { .. } => Remedy::ShootAgain,
             RigError::Gone { .. } | RigError::Failed { .. } => Remedy::ReopenRig,
-            // Another program keeps a device for longer than a few tries.
+            // A program that holds a device keeps it for longer than a few tries.
             RigError::Held { .. } | RigError::Refused { .. } | RigError::NoMarks { .. } => {
                 Remedy::CallOperator
             }

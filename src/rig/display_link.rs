@@ -1,17 +1,17 @@
 //! Recovery of a display after its cable was out, its link failed, or another program used it.
 //!
 //! A link that failed its training stays black until the mode is set again with `link-status` Good
-//! (Linux DRM documentation, "Standard Connector Properties"). A monitor that was off may need it,
-//! too, but a commit of an equal mode is no mode set (`drm_mode_equal` in drm_atomic_helper.c): the
+//! (Linux DRM documentation, "Standard Connector Properties"). A monitor that was off may need the
+//! same. Committing an equal mode does not set it (`drm_mode_equal` in drm_atomic_helper.c), so the
 //! display is switched off first. A commit by a program that is not DRM master is refused with
-//! EACCES. The kernel is behind a trait, since no virtual display loses links.
+//! EACCES. The kernel is behind a trait for tests, since no virtual display loses its link.
 
 use super::RigError;
 
 /// Value "Good" of `link-status`.
 const GOOD: u64 = 0;
 
-/// Consecutive failures of a link, each after setting the mode, before they are an error. Guess.
+/// Maximum number of failures of a link in a row, each after setting the mode. Guess.
 const TRAININGS_MAX: u32 = 3;
 
 /// State of a connector as known to the kernel, without probing.
@@ -49,7 +49,7 @@ pub(super) struct Link {
 }
 
 impl Link {
-    /// Records a refused commit or a missing refresh, after which the mode must be set again.
+    /// Records a refused commit or a missing refresh; the mode must then be set again.
     pub(super) fn lose(&mut self) {
         self.dark = true;
     }

@@ -1,4 +1,4 @@
-//! A capture: show, settle, trigger, receive, and verify that the frame is of the picture shown.
+//! A capture: show a picture, let it settle, trigger, receive a frame and verify its picture.
 //!
 //! No latency is trusted. The camera's frame counter and clock reveal repeated and early frames. On
 //! rigs with frame marks, these reveal the rest: a late panel, a torn frame, a buffer delivered
@@ -21,7 +21,7 @@ pub struct Timing {
     pub exposure_ms: f64,
     /// Latest arrival of a frame after its trigger.
     pub deadline_ms: f64,
-    /// Limit of exposures per picture.
+    /// Maximum number of exposures per picture.
     pub exposures_max: u32,
 }
 
@@ -39,33 +39,33 @@ impl Timing {
 
 /// Exposures of one picture before the rig gives up. Guess.
 const EXPOSURES_MAX: u32 = 3;
-/// Tolerance for early time stamps where marks identify frames: drivers of USB cameras estimate
-/// them. Guess.
+/// Tolerance for early time stamps on rigs whose marks identify frames: drivers of USB cameras only
+/// estimate the stamps. Guess.
 const STAMP_ERROR_MS: f64 = 2.0;
 
-/// Watch for frames without a trigger: five of a slow camera's 15 frames a second.
+/// Watch for untriggered frames, plus one exposure: five of a slow camera's 15 frames a second.
 const UNPULSED_MS: f64 = 300.0;
 
-/// Cause of frames that are early each time (raspberrypi/linux, pull request 6010).
+/// Explanation of frames that are early each time (raspberrypi/linux, pull request 6010).
 const ONE_LATE: &str = ", as each time: kernels before March 2024 deliver the IMX296's frames one \
                         trigger late; update the board";
 
-/// Rejected frames by reason, since the rig was opened.
+/// Numbers of frames rejected since the rig was opened, by reason.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Rejected {
-    /// Not arrived by the deadline.
+    /// Frames that did not arrive by the deadline.
     pub missing: u64,
-    /// With the frame counter of the frame before.
+    /// Frames that repeat the frame counter of the frame before.
     pub repeated: u64,
-    /// Exposed before the trigger, by the camera's clock.
+    /// Frames exposed before the trigger, by the camera's clock.
     pub early: u64,
-    /// With the mark of another picture.
+    /// Frames that carry the mark of another picture.
     pub another: u64,
-    /// With marks of two pictures.
+    /// Frames that carry marks of two pictures.
     pub mixed: u64,
-    /// Without a readable mark.
+    /// Frames without a readable mark.
     pub unmarked: u64,
-    /// Exposed by a pulse of wrong length.
+    /// Frames exposed by a pulse of the wrong length.
     pub mistimed: u64,
 }
 
@@ -74,9 +74,9 @@ pub struct Rejected {
 struct PendingExposure {
     flip: Flip,
     fired: Moment,
-    /// Number of the mark shown, on a rig with marks.
+    /// Number of the mark shown; 0 on a rig without marks.
     number: u8,
-    /// Likeness of the bare picture to that mark, where the mark has vanished.
+    /// Likeness of the unmarked picture to that mark, if the frame must show it without the mark.
     vanished: Option<MarkShares>,
 }
 
@@ -84,7 +84,7 @@ struct PendingExposure {
 pub struct Devices {
     /// Display.
     pub panel: Box<dyn Panel + Send>,
-    /// Start of an exposure.
+    /// Device that starts exposures.
     pub trigger: Box<dyn Trigger + Send>,
     /// Image sensor.
     pub camera: Box<dyn Camera + Send>,
@@ -94,7 +94,7 @@ pub struct Devices {
     pub timing: Timing,
     marks: Option<FrameMarks>,
     number: u8,
-    /// The picture with its mark; kept so that captures allocate nothing.
+    /// Buffer for the picture with its mark, reused so that captures allocate nothing.
     marked: Codes,
     rejected: Rejected,
     captures: usize,
@@ -105,7 +105,7 @@ pub struct Devices {
 }
 
 impl Devices {
-    /// A rig of four devices, without marks.
+    /// Creates a rig of four devices, without frame marks.
     pub fn new(
         panel: Box<dyn Panel + Send>,
         trigger: Box<dyn Trigger + Send>,
@@ -145,10 +145,10 @@ impl Devices {
         Ok(is_set)
     }
 
-    /// Watches a triggered camera while no pulse is sent.
+    /// Checks that a triggered camera delivers no frame while no pulse is sent.
     ///
     /// # Errors
-    /// [`RigError::Refused`] for a frame exposed meanwhile; else as [`Camera::frame`].
+    /// [`RigError::Refused`] if a frame is exposed meanwhile; else those of [`Camera::frame`].
     pub fn refuse_free_running(&mut self) -> Result<(), RigError> {
         let began = self.clock.now();
         let deadline = after(began, UNPULSED_MS + self.timing.exposure_ms);
@@ -167,8 +167,8 @@ impl Devices {
         }
     }
 
-    /// Fires the trigger. After a pulse of wrong length its frame is thrown away and the pulse is
-    /// repeated, up to [`Timing::exposures_max`] pulses in all.
+    /// Fires the trigger. After a pulse of the wrong length, discards its frame and fires again, up
+    /// to [`Timing::exposures_max`] pulses in all.
     pub(crate) fn pulse(&mut self) -> Result<Moment, RigError> {
         for _ in 1..self.timing.exposures_max {
             match self.trigger.fire() {
@@ -188,7 +188,7 @@ impl Devices {
     /// Locates the frame marks with about thirty captures; from then on they identify every frame.
     ///
     /// # Errors
-    /// [`RigError::NoMarks`] when the panel is not in view; else as [`Devices::capture`].
+    /// [`RigError::NoMarks`] if the panel is not in view; else those of [`Devices::capture`].
     pub fn find_marks(&mut self, place: MarkPlace) -> Result<(), RigError> {
         self.marks = None;
         let panel = self.panel.size();
@@ -204,9 +204,9 @@ impl Devices {
         self.marks.is_some()
     }
 
-    /// Shows `codes`, waits until they have settled, and returns a frame of them. A missing or
-    /// wrong frame is exposed again, up to [`Timing::exposures_max`] exposures in all. Where marks
-    /// vanish, the frame is of a second exposure without them.
+    /// Shows `codes`, waits until they have settled, and returns a frame that shows them. After a
+    /// missing or wrong frame it exposes again, up to [`Timing::exposures_max`] exposures in all.
+    /// If marks vanish, the returned frame is of a second exposure without them.
     ///
     /// # Errors
     /// [`RigError::NoFrame`] or [`RigError::NotThisPicture`] if no exposure gave a frame of the
@@ -218,7 +218,7 @@ impl Devices {
         result
     }
 
-    /// [`Devices::capture`] without marks, for a panel that may not be in view.
+    /// Captures as [`Devices::capture`] does, without marks, for a panel that may not be in view.
     pub fn capture_unproven(&mut self, codes: &Codes) -> Result<Exposed, RigError> {
         let marks = self.marks.take();
         let outcome = self.capture(codes);
@@ -226,10 +226,10 @@ impl Devices {
         outcome
     }
 
-    /// Takes a photo: exposes without showing a picture. Frames from before the trigger are
-    /// skipped; a missing frame is exposed again, up to [`Timing::exposures_max`] exposures in all.
+    /// Takes a photo: exposes without showing a picture. Skips frames from before the trigger, and
+    /// exposes again after a missing frame, up to [`Timing::exposures_max`] exposures in all.
     pub fn expose(&mut self) -> Result<Exposed, RigError> {
-        // No panel with marks is in view.
+        // The scene shows no marks.
         let marks = self.marks.take();
         let mut outcome = Err(RigError::NoFrame { waited_ms: 0.0 });
         for _ in 0..self.timing.exposures_max {
@@ -248,8 +248,8 @@ impl Devices {
         outcome
     }
 
-    /// Replaces `exposed`, which shows `codes` with a mark, by a frame without the mark where marks
-    /// vanish. A later frame without the mark can only be of `codes`.
+    /// If marks vanish, replaces `exposed`, a frame of `codes` with a mark, by one of `codes`
+    /// alone. A later frame without the mark can only show `codes`.
     fn expose_bare(&mut self, exposed: Exposed, codes: &Codes) -> Result<Exposed, RigError> {
         let Some(marks) = self.marks.as_ref().filter(|marks| marks.vanish()) else {
             return Ok(exposed);
@@ -275,14 +275,13 @@ impl Devices {
         let mut failure = RigError::NoFrame { waited_ms: 0.0 };
         let early_before = self.rejected.early;
         for tries in 1..=self.timing.exposures_max {
-            // Once the picture has settled.
             self.clock.wait_until(after(flip.at, self.timing.settle_ms));
             let fired = self.pulse()?;
             self.captures += 1;
             match self.receive(&PendingExposure { flip, fired, number, vanished }) {
                 Err(RigError::NotThisPicture { mut last, .. }) => {
                     let early = self.rejected.early - early_before;
-                    // The first trigger of all gives no frame.
+                    // On such a kernel the first trigger after opening gives no frame: hence the 1.
                     if tries > 2 && early + 1 >= u64::from(tries) {
                         last.push_str(ONE_LATE);
                     }
@@ -301,7 +300,7 @@ impl Devices {
         self.number = self.number.wrapping_add(1);
         for (to, from) in self.marked.planes_mut().iter_mut().zip(codes.planes()) {
             if to.size() != from.size() {
-                // The panel refuses the size.
+                // Let the panel report the wrong size.
                 return Ok((self.panel.show(codes)?, self.number));
             }
             to.data_mut().copy_from_slice(from.data());
@@ -325,15 +324,15 @@ impl Devices {
                 }
                 outcome => outcome?,
             };
-            // The right frame follows a late one of an earlier trigger. Another trigger now would
-            // leave the rig one frame behind for good.
+            // After a late frame of an earlier trigger, the right one follows. Another trigger now
+            // would leave the rig one frame behind for good.
             let Some(fault) = self.fault(&exposed, pending) else { return Ok(exposed) };
             skipped = Some(fault);
             self.camera.give_back(exposed.counts);
         }
     }
 
-    /// Describes why the frame is not of `pending`, if it is not, and counts it.
+    /// Returns why the frame is not that of `pending`, and counts the fault; `None` if it is.
     fn fault(&mut self, exposed: &Exposed, pending: &PendingExposure) -> Option<String> {
         if self.last_sequence.replace(exposed.sequence) == Some(exposed.sequence) {
             self.rejected.repeated += 1;
@@ -369,7 +368,7 @@ impl Devices {
         self.camera.reopen()
     }
 
-    /// Exposures so far, with rejected ones.
+    /// Number of exposures so far, including those whose frames were rejected.
     pub fn captures(&self) -> usize {
         self.captures
     }

@@ -15,7 +15,7 @@ fn tiny(change: impl Fn(&str) -> String) -> (Devices, simulated::Witness, config
         ("height-px = 270", "height-px = 180"),
         ("width-px = 288", "width-px = 160"),
         ("height-px = 224", "height-px = 128"),
-        // A narrower blur and fewer points it is traced at: the lens is not what is tested.
+        // A narrower blur, traced at fewer points: the lens is not what is tested.
         ("pixel-pitch-um = 40.0", "pixel-pitch-um = 72.0"),
         ("\nsupport-px = 19", "\nsupport-px = 11"),
         ("node-columns = 16", "node-columns = 4"),
@@ -124,7 +124,7 @@ fn a_dependent_capture_takes_at_most_an_eighth_of_a_second() {
 
 #[test]
 fn a_panel_slower_than_its_settle_time_is_detected() {
-    // Settled only as far as the first change: the frame is a blend of two pictures.
+    // The panel is still changing, so that the frame is a blend of two pictures.
     let mut rig = with_marks(str::to_owned);
     rig.timing.settle_ms = 25.0;
     rig.timing.exposures_max = 1;

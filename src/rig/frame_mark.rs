@@ -10,26 +10,26 @@ use super::coarse_geometry::CoarseGeometry;
 use crate::config;
 use crate::frame::{Channel, Codes, Counts, Plane, Size};
 
-/// Bits of a number. Numbers repeat after 256 pictures, more than any buffer holds.
+/// Bits of a picture's number. Numbers repeat after 256 pictures, more than any buffer holds.
 const NUMBER_BITS: usize = 8;
 const BITS: usize = NUMBER_BITS + 4;
 const CELLS: usize = 2 * BITS;
 /// Panel code of light cells, below white so that the sensor does not saturate.
 const LIGHT_CODE: u8 = 200;
-/// Marks a pixel of the guard instead of a cell.
+/// Value in place of a cell's index for a pixel of the black guard.
 const BLACK: u8 = u8::MAX;
-/// Minimum contrast of a bit relative to the usual one: rejects frames with more than a tenth of
-/// another bit.
+/// Minimum contrast of a bit relative to its usual contrast: rejects frames to which another
+/// picture with the opposite bit contributes more than a tenth.
 const CONTRAST_SHARE_MIN: f32 = 0.8;
-/// Bands of a strip checked for remains of a mark, since a torn frame may contain part of it.
+/// Bands of a strip, each checked for remains of a mark, since a torn frame may show part of one.
 const BANDS: usize = 4;
-/// Limit of the remains of a vanished mark in any band, as a share of its contrast. On small
-/// simulated rigs with glare, noise and other curves, pictures that resemble marks stay below it
-/// and marks exceed 0.9 (`exposure_tests.rs`); mixtures are in between.
+/// Maximum remains of a vanished mark in any band, as a share of the mark's contrast. On small
+/// simulated rigs with glare, noise and other tone curves, pictures that resemble marks stay below
+/// it and marks exceed 0.9 (`exposure_tests.rs`); mixtures are in between.
 const REMAINS_MAX: f32 = 0.2;
 
-/// Standard errors subtracted from the estimated remains: one in a thousand exceeds them by chance
-/// (Student's distribution, eleven degrees of freedom).
+/// Standard errors subtracted from estimated remains: one estimate in a thousand is off by more by
+/// chance (Student's distribution, eleven degrees of freedom).
 const ERRORS: f32 = 4.0;
 
 /// Reading of the mark in a frame.
@@ -37,9 +37,9 @@ const ERRORS: f32 = 4.0;
 pub enum MarkReading {
     /// Both strips carry this number.
     Number(u8),
-    /// The strips differ, or bits are between light and dark: parts of two pictures.
+    /// The strips differ, or bits are between light and dark: the frame mixes two pictures.
     Mixed,
-    /// No mark.
+    /// No mark is visible.
     Nothing,
 }
 
@@ -56,7 +56,7 @@ impl std::fmt::Display for MarkReading {
 /// Place of the strips on the sensor.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct MarkPlace {
-    /// Sensor pixels.
+    /// Size of the sensor in pixels.
     pub sensor: Size,
     /// Distance from the upper or lower edge to the strip.
     pub from_edge_px: usize,
@@ -77,7 +77,7 @@ struct MarkCell {
 }
 
 impl MarkPlace {
-    /// Strips that do not vanish.
+    /// Creates the place of strips that do not vanish.
     pub const fn still(
         sensor: Size,
         from_edge_px: usize,
@@ -155,16 +155,16 @@ fn bits(number: u8) -> [bool; BITS] {
 /// Mean difference of each bit's two cells in counts, for both strips; positive if the bit is set.
 type Contrasts = [[f32; BITS]; 2];
 
-/// Contrast of each bit relative to a mark's (1) or none (0), per band of both strips.
+/// Contrast of each bit, per band of both strips; 1 as in a mark, 0 without one.
 pub(super) type MarkShares = [[[f32; BITS]; BANDS]; 2];
 
 /// Frame marks of a rig.
 #[derive(Debug, Clone)]
 pub struct FrameMarks {
     place: MarkPlace,
-    /// Panel pixels of strips and guard: index and cell, or [`BLACK`].
+    /// Panel pixels of the strips and the guard: (index, cell), with [`BLACK`] for the guard.
     pixels: Vec<(u32, u8)>,
-    /// Panel pixels in the middle half of cells: index; strip, band and cell.
+    /// Panel pixels in the middle half of cells: `(index, [strip, band, cell])`.
     middles: Vec<(u32, [u8; 3])>,
     /// Usual contrast of each bit in counts.
     usual: Contrasts,
@@ -213,7 +213,7 @@ impl FrameMarks {
         self.place.vanish
     }
 
-    /// Likeness of `codes` themselves to the mark `number`.
+    /// Likeness of `codes`, which carry no mark, to the mark `number`.
     pub(super) fn own_shares(&self, codes: &Codes, number: u8) -> MarkShares {
         let mut cells = [[[(0.0f32, 0.0f32); CELLS]; BANDS]; 2];
         // Approximate response of a panel.
@@ -231,12 +231,12 @@ impl FrameMarks {
         })
     }
 
-    /// Whether the frame has no remains of the mark `number`, given the picture's `own` likeness.
+    /// Whether the frame shows no remains of the mark `number`, given the picture's `own` likeness.
     pub(super) fn is_gone(&self, counts: &Counts, number: u8, own: &MarkShares) -> bool {
         self.remains(counts, number, own).all(|share| share < REMAINS_MAX)
     }
 
-    /// Significant remains of the mark `number` in each band of both strips, as shares of a mark.
+    /// Significant remains of the mark `number` in each band of both strips; 1 is a whole mark.
     pub(super) fn remains(
         &self,
         counts: &Counts,
@@ -282,7 +282,7 @@ impl FrameMarks {
             }
         }
         let strongest = self.usual.iter().flatten().copied().fold(0.0, f32::max);
-        // Dark corners and blur take at most half; less than a fifth is noise.
+        // Dark corners and blur reduce the contrast to half at worst; less than a fifth is noise.
         strongest > 0.0 && self.usual.iter().flatten().all(|&contrast| contrast > 0.2 * strongest)
     }
 
@@ -333,9 +333,9 @@ fn shares_of(number: u8, contrast: impl Fn(usize) -> f32) -> [f32; BITS] {
     std::array::from_fn(|bit| if bits[bit] { contrast(bit) } else { -contrast(bit) })
 }
 
-/// Part of a mark in `seen`, a mixture of it and the picture's `own` shares: least squares over the
-/// bits, less [`ERRORS`] standard errors. A mark adds to all bits alike, a picture's own blurred
-/// bars do not.
+/// Share of a mark in `seen`, modelled as a mixture of the mark and the picture's `own` shares:
+/// least-squares estimate over the bits, less [`ERRORS`] standard errors. A mark adds to all bits
+/// alike; the picture's own blurred bars do not.
 fn significant_part(seen: [f32; BITS], own: [f32; BITS]) -> f32 {
     let pairs = || seen.iter().zip(&own).map(|(seen, own)| (seen - own, 1.0 - own));
     let square = pairs().map(|(_, away)| away * away).sum::<f32>();
@@ -344,7 +344,7 @@ fn significant_part(seen: [f32; BITS], own: [f32; BITS]) -> f32 {
     part - ERRORS * (error / ((BITS - 1) as f32 * square)).sqrt()
 }
 
-/// Mean of the middle half of a cell's columns, over `rows`.
+/// Mean count of a cell over `rows` and the middle half of its columns.
 fn mean_of_cell(plane: &Plane<u16>, rows: Range<usize>, left: f32, width: f32) -> f32 {
     let first = (left + 0.25 * width).round() as usize;
     let last = ((left + 0.75 * width).round() as usize).max(first + 1).min(plane.width());

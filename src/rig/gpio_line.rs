@@ -1,4 +1,4 @@
-//! GPIO lines by chip label and line name, since numbers differ between boards and kernels.
+//! GPIO lines, found by chip label and line name, since numbers differ between boards and kernels.
 
 use std::io;
 use std::path::PathBuf;
@@ -22,8 +22,8 @@ pub(super) const CONSUMER: &str = "relens";
 /// Finds a line; `device` names its purpose in messages.
 ///
 /// # Errors
-/// [`RigError::Refused`] with the existing labels or names; [`RigError::Held`] with the name of the
-/// program that uses the line.
+/// [`RigError::Refused`] for an unknown chip or line, with the existing ones; [`RigError::Held`]
+/// for a line in use, with the name of the program that uses it.
 pub(super) fn find(device: &'static str, name: &GpioLine) -> Result<LinePlace, RigError> {
     let GpioLine { chip: label, line: wanted, .. } = name;
     let mut labels = Vec::new();
@@ -62,7 +62,7 @@ impl OutputLine {
     /// Requests the line and switches it off.
     ///
     /// # Errors
-    /// As [`find`]; [`RigError::Failed`] when the kernel refuses the line.
+    /// Those of [`find`]; [`RigError::Failed`] if the kernel refuses the line.
     pub fn open(device: &'static str, name: &GpioLine) -> Result<Self, RigError> {
         let LinePlace { node, offset } = find(device, name)?;
         let active = match name.active {

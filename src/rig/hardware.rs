@@ -24,7 +24,7 @@ pub fn open(rig: &config::RigFile, hardware: &Hardware) -> Result<Devices, RigEr
     let camera = binned(own, rig.camera.binning, rig.camera.count_max());
     let timing = Timing::of(&rig.panel, &rig.camera);
     let mut devices = Devices::new(panel, trigger, camera, Box::new(Monotonic), timing);
-    // A PWM channel sends no pulses before the first exposure.
+    // Any frame now is untriggered: even a PWM channel sends no pulses before the first exposure.
     if !matches!(hardware.trigger, TriggerDevice::FreeRunning(_)) {
         devices.refuse_free_running()?;
     }

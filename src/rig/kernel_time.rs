@@ -2,7 +2,7 @@
 //! chrony, ntpd) clear the flag; without a battery clock nothing else shows that the time was set.
 #![allow(unsafe_code)] // One call into the C library; no crate of the tree wraps it.
 
-/// Whether the network has set the calendar. `false` if that is unknown.
+/// Whether the network has set the calendar; `false` if this is unknown.
 pub fn is_synchronised() -> bool {
     // SAFETY: all-zero is a valid `timex` (plain integers) and, with `modes` 0, asks and changes
     // nothing; the pointer is to a live value of the right type.

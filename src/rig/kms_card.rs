@@ -1,4 +1,4 @@
-//! A DRM node, opened by path or by its connector, with properties by name.
+//! A DRM node, opened by its path or by its connector, and access to properties by name.
 
 use std::fmt::Write;
 use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
@@ -23,7 +23,7 @@ impl AsFd for Card {
 impl drm::Device for Card {}
 impl drm::control::Device for Card {}
 
-/// Error of the panel while `doing` something.
+/// Wraps an error of the panel that occurred while `doing` something.
 pub(super) fn failed(doing: &'static str) -> impl Fn(std::io::Error) -> RigError {
     move |source| RigError::Failed { device: "panel", doing, source }
 }
@@ -40,7 +40,7 @@ pub(super) fn commit_failed(cause: std::io::Error) -> RigError {
     }
 }
 
-/// Nodes by their numbers, whether they exist or not.
+/// Paths of the nodes by number, whether they exist or not.
 fn numbered() -> impl Iterator<Item = PathBuf> {
     (0..16).map(|n| PathBuf::from(format!("/dev/dri/card{n}")))
 }
@@ -55,7 +55,7 @@ impl Card {
     ///
     /// # Errors
     /// [`RigError::Gone`] if no node that drives a display can be opened, [`RigError::Refused`] if
-    /// none or two have the connector.
+    /// no node or more than one has the connector.
     pub(super) fn open(node: Option<&Path>, connector: &str) -> Result<Card, RigError> {
         let candidates: Vec<PathBuf> =
             node.map_or_else(|| numbered().collect(), |path| vec![path.to_owned()]);
@@ -117,7 +117,7 @@ impl Card {
     }
 }
 
-/// A connector by the kernel's name.
+/// A connector, with its name in the kernel.
 struct Socket {
     name: String,
     plugged_in: bool,
@@ -137,7 +137,7 @@ impl std::fmt::Display for Socket {
     }
 }
 
-/// Connectors of a node.
+/// A card and its connectors.
 struct CardSockets {
     card: PathBuf,
     sockets: Vec<Socket>,
@@ -178,8 +178,8 @@ fn chosen(cards: &[CardSockets], name: &str) -> Result<usize, RigError> {
     }
 }
 
-/// Writes connectors of all cards with their modes and properties to `text`; of a blob, such as the
-/// monitor's description with its serial number, only that there is one.
+/// Writes the connectors of all cards, with modes and properties, to `text`. The contents of blobs
+/// are left out: the monitor's description contains its serial number.
 pub(super) fn describe(text: &mut impl Write) -> std::fmt::Result {
     for path in numbered() {
         let Ok(card) = Card::at(&path) else { continue };
@@ -219,7 +219,7 @@ impl Properties {
         all.find(|(info, _)| info.name().to_bytes() == name.as_bytes())
     }
 
-    /// Handle of a property that every such driver should have.
+    /// Handle of a property that every driver with atomic mode setting should have.
     pub(super) fn handle(&self, name: &str) -> Result<property::Handle, RigError> {
         self.get(name).map(|(info, _)| info.handle()).ok_or_else(|| {
             let found = format!("a driver without the property {name}");
@@ -228,7 +228,7 @@ impl Properties {
     }
 }
 
-/// Value of the word `choice` of an enumerated property.
+/// Value of an enumerated property that stands for the word `choice`.
 pub(super) fn choice_value(info: &property::Info, choice: &str) -> Option<property::RawValue> {
     let property::ValueType::Enum(choices) = info.value_type() else { return None };
     let (_, named) = choices.values();

@@ -1,9 +1,9 @@
 //! A real display as panel: kernel mode setting with two dumb buffers and time-stamped flips.
 //!
 //! The kernel's text console does not draw over a DRM master with a lit pipe. Faults in the field
-//! (another program takes the display, the cable is pulled, the link needs training) are checked
-//! before every picture and cured by setting the mode again; until then each call returns the
-//! error.
+//! (another program takes the display, the cable is pulled, the link needs training) are looked for
+//! before every picture and repaired by setting the mode again; until that succeeds, each call
+//! returns the error.
 
 use drm::Device as _;
 use drm::buffer::{Buffer as _, DrmFourcc};
@@ -21,11 +21,11 @@ use super::{Clock, Flip, Moment, Panel, RigError};
 use crate::config::{PanelDevice, PanelTable};
 use crate::frame::{Codes, Size};
 
-/// Refreshes until a missing flip event means a dead pipe. A live driver needs one or two; the
-/// kernel itself waits 10 s.
+/// Refreshes without a flip event after which the pipe counts as dead. A live driver needs one or
+/// two; the kernel itself waits 10 s.
 const FLIP_REFRESHES_MAX: f64 = 30.0;
-/// Flips timed when the panel is opened. Psychtoolbox takes 50; the kernel's stamps are exact to
-/// microseconds.
+/// Number of flips timed when the panel is opened. Psychtoolbox takes 50; the kernel's stamps are
+/// exact to microseconds.
 const TIMED_FLIPS: usize = 24;
 /// Relative tolerance of the measured refresh interval: accepts 59.94 Hz for 60, not 50.
 const INTERVAL_ERROR_MAX: f64 = 0.005;
@@ -68,7 +68,7 @@ impl KmsPanel {
         if card.acquire_master_lock().is_err() {
             return Err(commit_failed(Errno::ACCESS.into()));
         }
-        // Primary planes are listed only with the first.
+        // The kernel lists primary planes only with the first capability.
         for capability in [drm::ClientCapability::UniversalPlanes, drm::ClientCapability::Atomic] {
             card.set_client_capability(capability, true).map_err(|_| {
                 let found = "a display driver without atomic mode setting";
@@ -123,7 +123,7 @@ impl KmsPanel {
     /// Writes `codes` into the hidden buffer and requests it for the next refresh, without waiting.
     ///
     /// # Errors
-    /// When the panel or the right to use it is gone, or another flip is pending.
+    /// If the panel is disconnected, another program has taken it over, or another flip is pending.
     pub fn put(&mut self, codes: &Codes) -> Result<(), RigError> {
         if codes.size() != self.size {
             let found = format!("a picture of {}", codes.size());
@@ -169,7 +169,7 @@ impl KmsPanel {
     /// Waits until scan-out of the picture of [`KmsPanel::put`] begins.
     ///
     /// # Errors
-    /// [`RigError::Gone`] when the display stopped refreshing.
+    /// [`RigError::Gone`] if the display stopped refreshing.
     pub fn flipped(&mut self) -> Result<Flip, RigError> {
         let deadline = Moment(Monotonic.now().0 + (FLIP_REFRESHES_MAX * self.interval_s).max(1.0));
         loop {

@@ -4,14 +4,14 @@ use super::gpio_line::OutputLine;
 use super::{Lamp, LampRow, RigError};
 use crate::config::LampDevices;
 
-/// The lamps that the box has.
+/// Lamps of the box, as far as the rig file names them.
 #[derive(Default)]
 pub struct Lamps {
     lines: Vec<(Lamp, OutputLine)>,
 }
 
 impl Lamps {
-    /// Requests the lines; all lamps are dark.
+    /// Requests the lines, with all lamps off.
     pub fn open(lamps: &LampDevices) -> Result<Self, RigError> {
         let each = [
             (Lamp::Ready, &lamps.ready),

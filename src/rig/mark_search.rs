@@ -1,7 +1,7 @@
 //! Locates the frame marks of a rig: a coarse geometry from dots, then the contrast of the marks.
 //!
-//! No frame can be identified yet, and frames may be stale, torn or missing, so every step takes a
-//! majority and the last one reads known marks.
+//! No frame can be identified yet, and frames may be stale, torn or missing. Every step therefore
+//! decides by majority, and the last one verifies that known marks are read.
 
 use rand::SeedableRng;
 use rand::seq::SliceRandom;
@@ -25,7 +25,7 @@ const DOT_BRIGHTNESS_MIN: f64 = 0.25;
 /// Tolerance of a dot's place as a share of the sensor's width: the distortion of a cheap lens, far
 /// less than the distance to the next dot.
 const TOLERANCE_SHARE: f64 = 0.01;
-/// Marks shown to learn their contrast.
+/// Number of marks shown to learn the contrast of the bits.
 const LEARNED: usize = 7;
 /// Attempts per step.
 const ROUNDS: usize = 4;
@@ -95,7 +95,7 @@ fn show_mark(
     if_any(shoot(&codes))
 }
 
-/// Accepts missing and wrong frames as `None`.
+/// Turns missing and wrong frames into `None`.
 fn if_any(shot: Result<Counts, RigError>) -> Result<Option<Counts>, RigError> {
     match shot {
         Ok(counts) => Ok(Some(counts)),
@@ -105,7 +105,7 @@ fn if_any(shot: Result<Counts, RigError>) -> Result<Option<Counts>, RigError> {
 }
 
 /// Finds the sensor's view with dots over the whole panel, then fits a homography to dots over the
-/// sensor, since a homography holds only near its dots.
+/// sensor, since a homography is accurate only near its dots.
 fn find_geometry(sensor: Size, panel: Size, shoot: &mut Shoot) -> Result<CoarseGeometry, RigError> {
     let over_panel: Vec<Place> = grid(DOTS, panel).collect();
     let tolerance_px = (TOLERANCE_SHARE * sensor.width as f64).max(3.0);
@@ -120,7 +120,7 @@ fn find_geometry(sensor: Size, panel: Size, shoot: &mut Shoot) -> Result<CoarseG
     fit_dots(sensor, panel, &over_sensor, shoot, &|dots| CoarseGeometry::fit(dots, tolerance_px))
 }
 
-/// Places in the middles of `columns` × `rows` equal parts of an area of `size`, row by row.
+/// Centres of `columns` × `rows` equal parts of an area of `size`, row by row.
 fn grid([columns, rows]: [usize; 2], size: Size) -> impl Iterator<Item = Place> {
     let middle =
         |n: usize, of: usize, length: usize| (n as f64 + 0.5) / of as f64 * length as f64 - 0.5;
@@ -129,7 +129,7 @@ fn grid([columns, rows]: [usize; 2], size: Size) -> impl Iterator<Item = Place> 
     })
 }
 
-/// Fit of a geometry to dots.
+/// Fits a geometry to dots, given by their panel and sensor places; `None` if too few agree.
 type FitDots<'a> = dyn Fn(&[(Place, Place)]) -> Option<CoarseGeometry> + 'a;
 
 /// Shows the dots, several times if necessary, until enough of them agree.
@@ -181,7 +181,7 @@ fn shuffled(count: usize, round: usize) -> Vec<usize> {
     order
 }
 
-/// Panel and sensor places of the dots seen whole.
+/// Panel and sensor places of the dots that are wholly in view.
 fn spots(sensor: Size, frames: &[(Place, Plane<u16>)]) -> Vec<(Place, Place)> {
     // The minimum over all frames contains no dot.
     let mut dark = Plane::filled(sensor, u16::MAX);
@@ -208,7 +208,7 @@ struct BrightSpot {
     centre: Place,
     /// Peak counts above the dark level.
     height: f64,
-    /// Whether it is clear of the frame's border.
+    /// Whether the spot is clear of the frame's border.
     whole: bool,
 }
 

@@ -5,7 +5,7 @@
 //!
 //! A new kind of camera needs its keys in `config/hardware.rs`, an arm of `open` in
 //! `rig/camera/mod.rs`, and an implementation of [`Camera`] beside it. A new pixel format is a row
-//! of [`pixel_format`].
+//! in the table [`pixel_format::PixelFormat::ALL`].
 
 pub mod bayer;
 mod binned;

@@ -1,7 +1,7 @@
-//! Display settings for measuring: full range, no scaling, identity gamma; each set and read back.
+//! Display settings for measuring, each set and read back: full range, no scaling, identity gamma.
 //!
-//! Everything by which a television improves its picture is switched off as far as the kernel can.
-//! A driver that does not hold a setting is refused.
+//! Everything by which a television enhances its picture is switched off, as far as the kernel can.
+//! A driver that does not keep a setting is refused.
 
 use drm::control::{AtomicCommitFlags, Device as _, Mode, ResourceHandle, atomic::AtomicModeReq};
 use drm::control::{connector, crtc, framebuffer, plane, property};
@@ -79,7 +79,7 @@ fn ask<T: ResourceHandle>(
     checks
 }
 
-/// Checks that the properties `has` hold their values.
+/// Checks that the properties in `checks` read back with their values.
 fn confirm(has: &Properties, checks: &[(&'static str, u64)]) -> Result<(), RigError> {
     for &(name, value) in checks {
         if let Some((_, found)) = has.get(name).filter(|&(_, found)| found != value) {
@@ -126,7 +126,7 @@ pub(super) fn light_up(
         request.add_raw_property(pipe.plane.into(), on_plane.handle(name)?, value);
         geometry.push((name, value));
     }
-    // A link that failed its training stays black until the mode is set with this word.
+    // A link that failed its training stays black until the mode is set with this value.
     if let Some((info, _)) = on_connector.get("link-status")
         && let Some(good) = choice_value(info, "Good")
     {

@@ -1,16 +1,17 @@
-//! Detection of the panel before the lens, by the difference between its black and white.
+//! Detection of the panel in front of the lens, by the difference between its black and white.
 
 use super::RigError;
 use super::exposure::Devices;
 use super::shoot::{CountRange, mean};
 use crate::frame::{Codes, Mosaic};
 
-/// Minimum difference for a panel before the lens, as a share of the count range. Guess: a panel's
-/// white fills half of it or more, one elsewhere in the room almost nothing.
+/// Minimum difference between white and black with a panel in front of the lens, as a share of the
+/// count range. Guess: its white fills half of the range or more, that of a panel elsewhere in the
+/// room almost nothing.
 const DIFFERENCE_MIN: f64 = 0.1;
 
-/// Shows black, white and black again, and compares the captures; the second black excludes other
-/// changes of light.
+/// Returns whether the panel is in front of the lens, from captures of black, white and black
+/// again. The second black rules out other changes of light.
 pub fn is_panel_there(
     devices: &mut Devices,
     mosaic: Option<Mosaic>,

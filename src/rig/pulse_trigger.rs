@@ -5,12 +5,12 @@ use embedded_hal::digital::OutputPin;
 
 use super::{Clock, Moment, RigError, Trigger};
 
-/// End of a pulse that is awaited by reading the clock, since a sleep overruns by 0.1 ms and more.
+/// Last part of a pulse, timed by polling the clock, since a sleep overruns by 0.1 ms and more.
 /// Guess.
 const SPUN_US: u32 = 2000;
-/// Most that an exposure by pulse may be too long, relative: a tenth of a night's limit of drift.
+/// Maximum relative excess of an exposing pulse: a tenth of the pilot's limit of brightness drift.
 const EXCESS_MAX: f64 = 0.003;
-/// Time of the two calls that drive the line, not counted as excess. Guess.
+/// Minimum tolerance of that excess: the time of the two calls that drive the line. Guess.
 const CALLS_S: f64 = 20e-6;
 
 /// Pulses on a line. Generic over embedded-hal, for tests without a board.
@@ -19,19 +19,19 @@ pub struct PulseTrigger<P, D, C> {
     delay: D,
     clock: C,
     pulse_s: f64,
-    /// Exposure as a multiple of the pulse's; `None` where a pulse only starts it.
+    /// Exposure as a multiple of `pulse_s`; `None` if a pulse only starts the exposure.
     exposure_times: Option<f64>,
 }
 
 impl<P: OutputPin, D: DelayNs, C: Clock> PulseTrigger<P, D, C> {
-    /// A trigger whose pulses start exposures; its line is set low.
+    /// Creates a trigger whose pulses start exposures, and sets its line low.
     pub fn new(mut pin: P, delay: D, clock: C, pulse_us: u32) -> Result<Self, RigError> {
         pin.set_low().map_err(|cause| stuck(&cause))?;
         let pulse_s = f64::from(pulse_us) * 1e-6;
         Ok(PulseTrigger { pin, delay, clock, pulse_s, exposure_times: None })
     }
 
-    /// The same trigger with pulses that last as long as the exposure.
+    /// Makes the pulses last as long as the exposure.
     pub fn exposing(self) -> Self {
         PulseTrigger { exposure_times: Some(1.0), ..self }
     }
@@ -52,7 +52,7 @@ impl<P: OutputPin, D: DelayNs, C: Clock> Trigger for PulseTrigger<P, D, C> {
         while self.clock.now().0 - lit.0 < wanted_s {
             std::hint::spin_loop();
         }
-        // A pulse that does not end leaves the shutter open.
+        // A pulse that did not end would leave the shutter open.
         self.pin.set_low().map_err(|cause| stuck(&cause))?;
         let found_s = self.clock.now().0 - at.0;
         let is_exposure = self.exposure_times.is_some();
@@ -68,7 +68,7 @@ impl<P: OutputPin, D: DelayNs, C: Clock> Trigger for PulseTrigger<P, D, C> {
     }
 }
 
-/// No trigger: any later frame of a free-running camera qualifies.
+/// No trigger: any frame that a free-running camera exposes later qualifies.
 pub struct FreeRunning<C>(pub C);
 
 impl<C: Clock> Trigger for FreeRunning<C> {

@@ -1,11 +1,11 @@
 //! Trigger pulses of a PWM channel, which times them in hardware.
 //!
 //! An enabled channel repeats its pulse. A frame is accepted if its pulse began after
-//! [`Trigger::fire`], as with a free-running camera. A single pulse would depend on the place in
-//! the period at which an enabled channel starts, which no source states for RP1. Its driver states
-//! that a disabled channel is at rest at once, and that a period and a duty cycle written
-//! separately to an enabled one may be mixed (drivers/pwm/pwm-rp1.c in version 5 of its patch for
-//! mainline, linux-pwm, June 2026).
+//! [`Trigger::fire`], as with a free-running camera. The length of a single pulse would depend on
+//! where in its period an enabled channel starts, which no source documents for RP1. Its driver
+//! documents that a disabled channel stops at once, and that a period and a duty cycle written
+//! separately to an enabled channel may be mixed (drivers/pwm/pwm-rp1.c in version 5 of its patch
+//! for mainline, linux-pwm, June 2026).
 
 use std::fs;
 use std::io::{self, ErrorKind, Write};
@@ -19,24 +19,24 @@ use crate::config::{Level, PwmChannel};
 pub(super) const CLASS: &str = "/sys/class/pwm";
 /// Rest between two pulses, longer than the read-out of a camera of 25 frames a second. Guess.
 const REST_NS: u64 = 40_000_000;
-/// Limit of the time until udev has opened a new channel to its group. Guess.
+/// Maximum wait until udev has opened a new channel to its group. Guess.
 const UDEV_S: f64 = 2.0;
 
-/// Writes a text to an attribute.
+/// Function that writes a text to an attribute's file.
 pub(super) type WriteAttribute = Box<dyn Fn(&Path, &str) -> io::Result<()> + Send>;
 
-/// Repeated pulses as long as the exposure.
+/// Trigger that repeats pulses as long as the exposure.
 pub struct PwmTrigger {
     write: WriteAttribute,
     clock: Box<dyn Clock + Send>,
     /// Folder of the channel.
     folder: PathBuf,
     polarity: &'static str,
-    /// Pulse at the rig file's exposure, and the exposure as a multiple of that.
+    /// Length of a pulse at the rig file's exposure; `times` multiplies it.
     pulse_us: u32,
     times: f64,
     runs: bool,
-    /// Period of the last pulses.
+    /// Period of the previous pulses.
     last_ns: u64,
 }
 
@@ -93,7 +93,7 @@ impl PwmTrigger {
         read(&self.folder.join(attribute))
     }
 
-    /// Writes `text` to `file`, once udev has opened it.
+    /// Writes `text` to `file`, as soon as udev has opened it to the group.
     fn put(&self, file: &Path, text: &str) -> Result<(), RigError> {
         let (deadline, is_closed) = (self.clock.now().0 + UDEV_S, ErrorKind::PermissionDenied);
         let mut outcome = (self.write)(file, text);
@@ -114,8 +114,8 @@ impl PwmTrigger {
         self.put(&self.folder.join(attribute), text)
     }
 
-    /// Sets the channel and leaves it disabled. The kernel refuses a duty cycle longer than the
-    /// period, and any without a period (drivers/pwm/core.c, `__pwm_apply`).
+    /// Sets period, polarity and duty cycle of the disabled channel. The kernel refuses a duty
+    /// cycle longer than the period, and any without a period (drivers/pwm/core.c, `__pwm_apply`).
     fn set(&mut self) -> Result<(), RigError> {
         self.make("enable", "0")?;
         let settings = self.settings();
@@ -129,7 +129,7 @@ impl PwmTrigger {
 
 impl Trigger for PwmTrigger {
     /// Returns the current moment. The first call starts the pulses and waits for one period, since
-    /// the first pulse may be short, or still as long as those before.
+    /// the first pulse may be cut short or have the previous length.
     fn fire(&mut self) -> Result<Moment, RigError> {
         if !self.runs {
             self.set()?;
@@ -140,7 +140,7 @@ impl Trigger for PwmTrigger {
             self.last_ns = period_ns;
             self.clock.wait_until(Moment(self.clock.now().0 + wait_s));
         }
-        // Unlike a line, a channel is open to every program of the group.
+        // Unlike a GPIO line, a channel can be changed by every program of the group.
         for (attribute, text) in self.settings().into_iter().chain([("enable", "1".to_owned())]) {
             let found = self.get(attribute)?;
             if found != text {
@@ -159,8 +159,8 @@ impl Trigger for PwmTrigger {
 }
 
 impl Drop for PwmTrigger {
-    /// Leaves the channel exported: RP1's driver puts a released one low, whatever its polarity
-    /// (`rp1_pwm_free`).
+    /// Disables the channel but leaves it exported: RP1's driver drives a released one low,
+    /// whatever its polarity (`rp1_pwm_free`).
     fn drop(&mut self) {
         let _ = self.make("enable", "0");
     }

@@ -10,12 +10,12 @@ const PULSE_US: u32 = 50_000;
 /// Tolerance of time stamps where marks identify frames (`STAMP_ERROR_MS` of the exposure).
 const GRACE_S: f64 = 2e-3;
 
-/// What a chip does.
+/// Behaviour of a chip.
 #[derive(Clone, Copy, Default)]
 struct PwmRules {
-    /// Part of the period that has passed when a channel is enabled.
+    /// Share of the period that has passed when a channel is enabled.
     starts_at: f64,
-    /// It takes settings at the end of a period, also those of a disabled channel.
+    /// Settings take effect at the end of a period, even those of a disabled channel.
     is_lazy: bool,
     /// The kernel uses the channel itself.
     taken: bool,
@@ -23,9 +23,9 @@ struct PwmRules {
     opened_at_s: f64,
     /// Files cannot be written in the service.
     read_only: bool,
-    /// It has one polarity only.
+    /// The chip has one polarity only.
     upright: bool,
-    /// Its longest period.
+    /// Longest period of the chip.
     period_max_ns: Option<u64>,
 }
 
@@ -189,7 +189,7 @@ impl Clock for PwmBoard {
 
 #[test]
 fn every_accepted_pulse_is_whole_wherever_its_period_starts() {
-    // Of a period of 90 ms; the second cuts a pulse by less than the tolerance.
+    // Places in a period of 90 ms; the second cuts a pulse by less than the tolerance.
     let places_ms = [0.0, 1.5, 25.0, 49.0, 50.0, 51.0, 70.0, 89.9];
     let cases = places_ms.into_iter().flat_map(|ms| [(ms / 90.0, false), (ms / 90.0, true)]);
     for (starts_at, is_lazy) in cases {
@@ -201,7 +201,7 @@ fn every_accepted_pulse_is_whole_wherever_its_period_starts() {
             let fired_s = trigger.fire().unwrap_or_else(|error| panic!("{error}")).0;
             let wanted_s = f64::from(PULSE_US) * 1e-6 * times;
             board.wait_until(Moment(fired_s + 2.0 * wanted_s + 0.08));
-            // The camera takes the start from the end and the exposure.
+            // The camera computes the start as the end minus the exposure.
             let runs = board.kernel().runs.clone();
             let ended_s = board.now().0;
             let accepted: Vec<f64> = runs

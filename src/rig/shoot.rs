@@ -4,31 +4,31 @@ use super::exposure::Devices;
 use super::{Exposed, RigError};
 use crate::frame::{Channel, Counts, Mosaic, Plane};
 
-/// Limit of the share of clipped sites in a metered exposure.
+/// Maximum share of clipped sites in a metered exposure.
 pub const CLIPPED_SHARE_MAX: f64 = 0.001;
 
-/// Target of the brightest sites but [`CLIPPED_SHARE_MAX`], as a share of the count range. Guess:
-/// leaves room for a lamp's flicker.
+/// Target level of the brightest sites, [`CLIPPED_SHARE_MAX`] excluded, as a share of the count
+/// range. Guess: leaves room for a lamp's flicker.
 const BRIGHTEST: f64 = 0.9;
 
-/// Limit of a change of exposure in one step of metering.
+/// Maximum factor by which one step of metering changes the exposure.
 const STEP_MAX: f64 = 8.0;
 
-/// Limit of the light behind a covered lens, as a share of the count range. Guess: dark current
+/// Maximum mean light behind a covered lens, as a share of the count range. Guess: dark current
 /// adds less, a room more.
 const DARK_SHARE_MAX: f64 = 0.05;
 
-/// Limit of metering exposures.
+/// Maximum number of metering steps.
 const METERED_MAX: usize = 6;
 
-/// Mean of some exposures.
+/// A photo: the mean of one or more exposures.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PhotoShot {
     /// Counts of the whole sensor times 2^`finer`.
     pub counts: Counts,
-    /// Additional bits of the mean, whose noise may be less than one count.
+    /// Bits of resolution added by the mean, whose noise may be less than one count.
     pub finer: u32,
-    /// Share of sites, 0..1, with the largest count in any exposure.
+    /// Share of sites, 0..1, that reached the largest count in any exposure.
     pub clipped_share: f64,
     /// Noise power relative to one exposure.
     pub noise_share: f64,
@@ -39,16 +39,16 @@ pub struct PhotoShot {
 /// Noise power of one exposure's red, green and blue sites, in squared counts.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SiteNoise {
-    /// Without light.
+    /// Noise power without light.
     pub at_black: [f64; 3],
-    /// Per count above black.
+    /// Noise power added per count above black.
     pub per_count: [f64; 3],
 }
 
 impl SiteNoise {
-    /// Noise at `times` the gain. Shot noise and noise before the amplifier scale with the gain,
+    /// Noise at `times` the gain. Shot noise and noise before the amplifier scale with the gain;
     /// rounding does not. Other noise after the amplifier is overestimated. The black level is
-    /// assumed constant, as sensors hold it.
+    /// assumed constant, as sensors keep it so.
     #[must_use]
     pub fn amplified(&self, times: f64) -> SiteNoise {
         const ROUNDING: f64 = 1.0 / 12.0;
@@ -63,20 +63,20 @@ impl SiteNoise {
 /// Range of a camera's counts.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CountRange {
-    /// Without light.
+    /// Count without light.
     pub black: f64,
     /// Largest count.
     pub max: u16,
 }
 
 impl PhotoShot {
-    /// Range of its counts, given the camera's `range`.
+    /// Range of the photo's counts, given the camera's `range`.
     pub fn range(&self, range: CountRange) -> CountRange {
         let times = 1 << self.finer;
         CountRange { black: range.black * f64::from(times), max: range.max * times }
     }
 
-    /// Adds `bits` to the resolution of its counts.
+    /// Adds `bits` of resolution to the counts.
     fn refine(&mut self, bits: u32) {
         for plane in self.counts.planes_mut() {
             plane.data_mut().iter_mut().for_each(|count| *count <<= bits);
@@ -84,8 +84,8 @@ impl PhotoShot {
         self.finer += bits;
     }
 
-    /// Variance of red, green and blue sites, given the `noise` of one exposure: slope over the
-    /// light and value without light. Light is 1 at the largest count.
+    /// Noise variance of red, green and blue sites as (slope over the light, value without light),
+    /// given the `noise` of one exposure. Light is 1 at the largest count.
     pub fn noise_profile(&self, noise: &SiteNoise, range: CountRange) -> [[f64; 2]; 3] {
         let full = f64::from(range.max) - range.black;
         let dark = (self.noise_share + self.dark_share) / full.powi(2);
@@ -98,12 +98,12 @@ impl PhotoShot {
         (mean(&self.counts, mosaic) - range.black) / (f64::from(range.max) - range.black)
     }
 
-    /// Whether it was taken with a covered lens.
+    /// Whether the photo was taken with a covered lens.
     pub fn is_dark(&self, mosaic: Option<Mosaic>, range: CountRange) -> bool {
         self.brightness(mosaic, range) < DARK_SHARE_MAX
     }
 
-    /// Subtracts `dark`, an equal exposure in the dark, site by site. Saturated sites stay
+    /// Subtracts `dark`, an equal exposure with a covered lens, site by site. Saturated sites stay
     /// saturated.
     #[must_use]
     pub fn without_dark(mut self, dark: &PhotoShot, range: CountRange) -> PhotoShot {
@@ -121,7 +121,7 @@ impl PhotoShot {
     }
 }
 
-/// Takes the mean of `frames` exposures (at least one).
+/// Takes a photo as the mean of `frames` exposures (at least one).
 pub fn shoot(
     devices: &mut Devices,
     mosaic: Option<Mosaic>,
@@ -147,7 +147,7 @@ pub fn shoot(
     let n = u32::from(frames);
     let finer = if n > 1 { range.max.leading_zeros() } else { 0 };
     let clipped_share = mean_of(&clipped, mosaic);
-    // A site saturated in one exposure is unknown.
+    // The light of a site that saturated in any exposure is unknown: it counts as saturated.
     let mean = |c: Channel| {
         let (sum, clipped) = (&sums[c.index()], &clipped[c.index()]);
         Plane::from_fn(sum.size(), |x, y| match clipped.at(x, y) {
@@ -159,9 +159,9 @@ pub fn shoot(
     Ok(PhotoShot { counts, finer, clipped_share, noise_share, dark_share: 0.0 })
 }
 
-/// Sets the longest exposure within `allowed`, as multiples of the rig file's, that clips at most
-/// [`CLIPPED_SHARE_MAX`] of the scene. Returns it, or `None` if the camera's exposure cannot be
-/// set.
+/// Sets the longest exposure that clips at most [`CLIPPED_SHARE_MAX`] of the scene, and returns it;
+/// `None` if the camera's exposure cannot be set. `allowed` and the result are multiples of the rig
+/// file's exposure.
 pub fn meter(
     devices: &mut Devices,
     mosaic: Option<Mosaic>,
@@ -188,7 +188,7 @@ pub fn meter(
     Ok(Some(times))
 }
 
-/// Factor for the exposure of `shot`.
+/// Factor by which to change the exposure, judged by `shot`.
 fn proposal(shot: &PhotoShot, mosaic: Option<Mosaic>, range: CountRange) -> f64 {
     if shot.clipped_share > CLIPPED_SHARE_MAX {
         return if shot.clipped_share > 0.1 { 1.0 / STEP_MAX } else { 0.5 };
@@ -209,7 +209,7 @@ fn proposal(shot: &PhotoShot, mosaic: Option<Mosaic>, range: CountRange) -> f64 
     wanted.clamp(1.0 / STEP_MAX, STEP_MAX)
 }
 
-/// Calls `each` for every measured value: the sites of a `mosaic`, or all of three planes.
+/// Calls `each` for every measured value: the sites of a `mosaic`, or all pixels of three planes.
 fn for_each_site<T: Copy + Default>(
     planes: &[Plane<T>; 3],
     mosaic: Option<Mosaic>,
@@ -333,7 +333,7 @@ mod tests {
         assert!(hot.len() > 3, "{hot:?}");
         let excess = |shot: &PhotoShot| {
             let all = sites(shot);
-            // Two columns on is a site of the same colour.
+            // Two columns to the left is a site of the same colour.
             let over = |&n: &usize| f64::from(all.data()[n]) - f64::from(all.data()[n - 2]);
             let step = f64::from(1 << shot.finer);
             hot.iter().filter(|&&n| n > 1).map(over).sum::<f64>() / hot.len() as f64 / step

@@ -1,5 +1,5 @@
-//! A camera that runs free, stamps its first packet and says start of exposure: no frame exposed
-//! before its picture was up is ever taken.
+//! A free-running camera that stamps its first packet but declares start of exposure: no frame
+//! exposed before its picture was shown is accepted.
 
 use std::sync::{Arc, Mutex};
 
@@ -20,11 +20,11 @@ fn size() -> Size {
 /// A panel that changes at once, before a camera whose frame n begins at `phase_s` + n intervals.
 struct StampedScene {
     now_s: f64,
-    /// From when on which code was up.
+    /// Codes shown, each with the time from which it was shown.
     shown: Vec<(f64, u8)>,
     next: u32,
     phase_s: f64,
-    /// From the exposure's end to the first packet.
+    /// Delay from the exposure's end to the first packet.
     held_back_s: f64,
     read_as: Stamps,
 }
@@ -70,7 +70,7 @@ impl Trigger for View {
 }
 
 impl StampedScene {
-    /// Mean code that was up from `from_s` to `to_s`.
+    /// Mean code shown from `from_s` to `to_s`.
     fn mean_code(&self, from_s: f64, to_s: f64) -> f64 {
         let ends = self.shown.iter().skip(1).map(|&(at_s, _)| at_s).chain([f64::INFINITY]);
         let parts = self.shown.iter().zip(ends).map(|(&(begin_s, code), end_s)| {
@@ -118,8 +118,8 @@ impl Camera for View {
     }
 }
 
-/// Of 200 captures with stamps read as `read_as`: how many were not of their picture alone, and
-/// seconds a capture.
+/// Takes 200 captures with stamps read as `read_as`; returns how many did not show their own
+/// picture alone, and seconds a capture.
 fn wrong_of_200(read_as: Stamps, phase_s: f64, held_back_s: f64) -> (usize, f64) {
     let scene =
         StampedScene { now_s: 0.1, shown: vec![(0.0, 0)], next: 0, phase_s, held_back_s, read_as };

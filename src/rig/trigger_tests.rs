@@ -5,14 +5,14 @@ use std::sync::{Arc, Mutex, MutexGuard};
 use super::*;
 use crate::frame::{Counts, Size};
 
-/// What a triggered camera does.
+/// Behaviour of a triggered camera.
 #[derive(Clone, Copy, Default)]
 struct TriggerRules {
     /// It delivers a frame every so many milliseconds without a trigger.
     free_ms: Option<f64>,
     /// A frame comes out at the next trigger (Linux before raspberrypi/linux, pull request 6010).
     one_late: bool,
-    /// Pulses of wrong length, from the first.
+    /// Number of pulses of the wrong length, from the first.
     mistimed: u32,
 }
 
@@ -125,7 +125,7 @@ fn grey() -> Codes {
 fn a_camera_that_runs_free_is_refused_where_it_should_wait_for_its_trigger() {
     for (free_ms, refused) in [(None, false), (Some(16.6), true), (Some(200.0), true)] {
         let (mut devices, rig) = rig(TriggerRules { free_ms, ..TriggerRules::default() });
-        // A frame that was begun before is none of its own accord.
+        // A frame begun before the check does not prove that the camera runs free.
         rig.state().exposed.push(-0.01);
         let error = devices.refuse_free_running().err().map(|error| error.to_string());
         assert_eq!(error.is_some(), refused, "{error:?}");
@@ -154,7 +154,7 @@ fn a_kernel_that_is_one_trigger_late_is_named() {
         let error = devices.capture(&grey()).expect_err("no frame is right").to_string();
         assert!(error.contains("ms before the trigger, as each time: kernels before"), "{error}");
     }
-    // One early frame among others is none of the kernel's.
+    // One early frame among others is not the kernel's fault.
     let (mut devices, rig) = rig(TriggerRules::default());
     rig.state().exposed.push(-1.0);
     assert!(devices.capture(&grey()).is_ok());

@@ -3,9 +3,9 @@
 //!
 //! A candidate is shown by square panel pixels, interpolated from the Work grid, and a sensor pixel
 //! averages their light over its own area. Both soften it, unlike a scene's photo, and a lens model
-//! fitted to the candidate's values would absorb this and overshoot. So the lens is measured
-//! against the light on the panel, and the detail that a candidate loses there is added to its
-//! captures by computation ([`crate::light_path`]).
+//! fitted to the candidate's values would absorb this softening and overshoot. So the lens is
+//! measured against the light on the panel, and the detail that a candidate loses there is added to
+//! its captures by computation ([`crate::light_path`]).
 
 use rayon::prelude::*;
 
@@ -15,8 +15,8 @@ use crate::frame::{Channel, Frame, Plane, Rect, Size, Work};
 
 impl Correction {
     /// `picture` (light, 0..255, canvas-sized) in each of `channels` as a perfect lens sees it on
-    /// the panel of square pixels, which is displaced by `at_px` to the right and down, sensor
-    /// pixels; zero in the other channels.
+    /// the panel's square pixels; zero in the other channels. The panel is displaced by `at_px`
+    /// sensor pixels to the right and down.
     ///
     /// # Panics
     /// When the picture's size is not the canvas's.
@@ -67,8 +67,8 @@ impl Correction {
         seen
     }
 
-    /// Half the panel pixels covered by a Work pixel, across and down, in the middle; distortion
-    /// changes it by a few hundredths. Clamped to bounds that no panel reaches.
+    /// Half the side of a Work pixel in panel pixels, across and down, in the middle of the photo;
+    /// distortion changes it by a few hundredths. Clamped to bounds that no panel reaches.
     fn half_a_pixel(&self, map: &Map) -> [f32; 2] {
         let Size { width, height } = self.layout.photo;
         let (x, y) = (width as f64 / 2.0, height as f64 / 2.0);
@@ -102,10 +102,10 @@ fn footprint(panel: &Plane, centre: [f32; 2], half: [f32; 2]) -> f32 {
     sum / (columns.length() * rows.length())
 }
 
-/// Most pixels under a footprint along one axis.
+/// Maximum number of pixels under a footprint along one axis.
 const MOST: usize = 34;
 
-/// An interval of pixels, from their borders on, which are integers.
+/// An interval along one axis, in coordinates in which pixel borders are integers.
 struct Covered {
     from: f32,
     to: f32,
@@ -115,7 +115,8 @@ struct Covered {
 }
 
 impl Covered {
-    /// `half` a length around the place `centre`, relative to pixel centres.
+    /// The interval within `half` of `centre`, given in coordinates in which pixel centres are
+    /// integers.
     fn of(centre: f32, half: f32) -> Covered {
         let (from, to) = (centre - half + 0.5, centre + half + 0.5);
         // The ceiling of the end is one more than the last pixel's number.

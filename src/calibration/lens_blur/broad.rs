@@ -1,14 +1,14 @@
 //! Broad light of a lens, from captures of large squares.
 //!
-//! Given the functions (each of sum 1) and flat flats, the capture y of a pattern x differs from P
-//! x by the light spread wider: y − P x = Σⱼ sⱼ (Gⱼ x − P x). Where it is dark beyond the canvas,
-//! sⱼ (1 − Gⱼ 1) y is added on the right, as the flats were scaled by it. The Gaussians' radii are
-//! given, each twice the previous; the shares sⱼ are non-negative least squares by coordinate
-//! descent. A held-out pattern validates them.
+//! Given the functions (each of sum 1) and captures in which flats are even, the capture y of a
+//! pattern x differs from P x by the light spread wider: y − P x = Σⱼ sⱼ (Gⱼ x − P x). If it is
+//! dark beyond the canvas, sⱼ (1 − Gⱼ 1) y is added on the right, because the correction by flats
+//! has made up for that loss. The Gaussians' radii are given, each twice the previous; the shares
+//! sⱼ are non-negative least squares by coordinate descent. A held-out pattern validates them.
 //!
-//! Only pixels whose function lies within one square count: there P x = x for any functions. At
-//! edges, errors of the functions would be mistaken for broad light. Broad light within the support
-//! was measured with the functions and is removed from them afterwards.
+//! Only pixels whose function lies within one square are used: there P x = x for any functions. At
+//! edges, errors of the functions would be mistaken for broad light. The measured functions contain
+//! the broad light within their support, which is removed from them afterwards.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -17,7 +17,7 @@ use crate::deconvolution::lens_model::broad::{SHARE_MAX, Veil};
 use crate::deconvolution::lens_model::{Beyond, Halo, LensFunctions};
 use crate::frame::{Channel, Plane, Size};
 
-/// Rounds of coordinate descent: many, as the columns are similar, and cheap.
+/// Rounds of coordinate descent. Many are needed, as the columns are similar; they are cheap.
 const ROUNDS: usize = 2000;
 /// Least share of light of a halo; one grey level of 255 is 0.4 %.
 const SHARE_MIN: f32 = 0.002;
@@ -29,7 +29,7 @@ const EVEN: f32 = 0.01;
 const CELLS: usize = 2;
 
 /// Evidence of one pattern per cell: the misfit without broad light, and the effect of each
-/// Gaussian's share; both times the square root of the cell's pixels.
+/// Gaussian's share, both times the square root of the number of the cell's pixels.
 struct PatternMisfit {
     misfit: Vec<f64>,
     columns: Vec<Vec<f64>>,
@@ -43,8 +43,8 @@ fn radii_px(support_px: usize, size: Size) -> Vec<f32> {
 }
 
 /// Fits the halos of one channel, wider than functions of `support_px`, to all `shots` but the
-/// last, which must confirm them; none with fewer than two shots. `trusted` is 1 where all captures
-/// are valid.
+/// last, which must confirm them. There are no halos with fewer than two shots. `trusted` is 1
+/// where all captures are valid.
 pub fn halos(
     support_px: usize,
     channel: Channel,
@@ -76,7 +76,7 @@ pub fn halos(
 }
 
 /// Removes from the functions of `channel`, each of sum 1, the light of `halos` within their
-/// support, as the model adds it.
+/// support, because the model adds that light itself.
 pub fn remove_halos(functions: &mut LensFunctions, channel: Channel, halos: &[Halo]) {
     let side = functions.support_px;
     let mut within = vec![0.0f32; side * side];
@@ -94,8 +94,8 @@ pub fn remove_halos(functions: &mut LensFunctions, channel: Channel, halos: &[Ha
     }
 }
 
-/// 1 where everything within half of `support_px` lies in one square of `shown`, else 0, as near
-/// the border.
+/// 1 where everything within half of `support_px` lies in one square of `shown`; 0 elsewhere and
+/// near the border.
 pub fn within_a_square(shown: &Plane, support_px: usize) -> Plane<u8> {
     let (size, reach) = (shown.size(), support_px / 2);
     let near = |n: usize, length: usize| n.saturating_sub(reach)..(n + reach + 1).min(length);

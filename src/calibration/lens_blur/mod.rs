@@ -3,8 +3,8 @@
 //! All functions of a channel are fitted at once: the taps whose interpolated model K(taps)·x is
 //! closest to the captures of the patterns x, by conjugate gradients on the normal equations. For
 //! zero-mean white patterns the expected normal matrix consists of the overlaps of the functions'
-//! weights; with it as preconditioner a handful of rounds suffices. Negative taps stay, as clipping
-//! them biases the model (study).
+//! weights; with it as preconditioner a handful of rounds suffices. Negative taps are kept, as
+//! clipping them biases the model (study).
 
 mod broad;
 mod plausibility;
@@ -26,7 +26,7 @@ pub enum LensBlurError {
     /// Grid and support are invalid.
     #[error("the lens model cannot be set up")]
     Model(#[source] LensModelError),
-    /// Too few trusted pixels for some function: their number, and that of all pixels.
+    /// Too few trusted pixels for some function; holds their number and that of all pixels.
     #[error("too few trusted pixels for some lens function: {0} of {1} pixels are trusted")]
     NotSeen(usize, usize),
 }
@@ -36,7 +36,7 @@ pub enum LensBlurError {
 pub struct FunctionGrid {
     /// The photo's size.
     pub photo: Size,
-    /// Canvas around the photo on every side.
+    /// Width of the canvas's margin around the photo, on every side.
     pub margin_px: usize,
     /// Functions from left to right.
     pub columns: usize,
@@ -55,8 +55,9 @@ pub struct Shot {
     pub seen: Plane,
 }
 
-/// Weight of the penalty on squared taps relative to the data of one tap: noise over signal of a
-/// tap in the study (noise of 1 grey level, patterns of 80, 65 000 pixels per function).
+/// Weight of the penalty on squared taps relative to the data of one tap: the ratio of a tap's
+/// noise to its signal in the study (noise of 1 grey level, patterns of 80, 65 000 pixels per
+/// function).
 const RIDGE: f64 = 1e-3;
 
 impl FunctionGrid {
@@ -110,9 +111,9 @@ pub struct FunctionFit {
     grid: FunctionGrid,
     model: LensModel,
     trusted: Plane<u8>,
-    /// Factor of the expected normal matrix for patterns of unit variance.
+    /// Cholesky factor of the expected normal matrix for patterns of unit variance.
     overlaps: Cholesky<f64, Dyn>,
-    /// Mean of its diagonal.
+    /// Mean of that matrix's diagonal.
     diagonal: f64,
 }
 

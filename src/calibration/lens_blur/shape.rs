@@ -5,8 +5,8 @@ use crate::calibration::surface::{Domain, SurfaceError};
 use crate::deconvolution::lens_model::LensFunctions;
 use crate::frame::{Channel, Size};
 
-/// Scales every function to sum 1, so that flats stay flat, as the dark corner requires. Glare
-/// beyond the support then counts as local. Returns the mean sum before, per channel.
+/// Scales every function to sum 1, so that flats stay flat, as the dark corner requires; glare
+/// beyond the support is thus attributed to the function. Returns the mean sum before, per channel.
 pub fn normalise(functions: &mut LensFunctions) -> [f32; 3] {
     let one = functions.support_px.pow(2);
     let count = (functions.rows * functions.columns) as f32;
@@ -42,10 +42,10 @@ pub fn moments(taps: &[f32], support_px: usize) -> ((f64, f64), f64) {
 
 /// Standard deviation of the Gaussian that smooths taps before taking their centroid, pixels.
 const SMOOTHING_PX: f64 = 1.5;
-/// Least smoothed tap that belongs to the function, in noise σ.
+/// Smallest significant smoothed tap, in noise σ.
 const NOISE_FLOOR: f64 = 3.0;
-/// Taps this close to significant ones count too: the faint tail of coma is below the noise and
-/// still moves a centroid.
+/// Taps up to this far from significant ones are kept: the faint tail of coma is below the noise
+/// and still moves a centroid.
 const TAIL_PX: isize = 5;
 
 /// Centroid (x, y) of one measured function, pixels from its middle. The noise of far taps has a
@@ -96,8 +96,8 @@ pub fn centroid(taps: &[f32], support_px: usize) -> (f64, f64) {
     moments(&kept, support_px).0
 }
 
-/// Displacement of the light at each Work position, smooth over `canvas`, from the centroids of
-/// green's functions on pixels of `pixel_px` Work pixels.
+/// Displacement of the light at each Work position, in Work pixels: a smooth map over `canvas`,
+/// fitted to the centroids of green's functions, whose pixels are `pixel_px` Work pixels wide.
 ///
 /// # Errors
 /// When there are too few functions for a smooth map.

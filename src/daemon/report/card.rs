@@ -13,7 +13,7 @@ use crate::pipeline::Confirmation;
 /// A photo with a result.
 pub(super) struct GalleryPhoto<'a> {
     pub(super) report: &'a Report,
-    /// Number among all, the oldest 0; part of its address.
+    /// Number of the photo, 0 for the oldest; part of its address.
     pub(super) number: usize,
     /// Address of the original relative to the outbox, if it still exists.
     pub(super) original: Option<String>,
@@ -29,7 +29,7 @@ pub(super) fn state(kind: ResultKind) -> &'static str {
     }
 }
 
-/// Width and height of a picture of `size` after its EXIF orientation.
+/// Width and height of a picture of `size`, turned by the photo's EXIF orientation.
 fn displayed_size(report: &Report, size: Size) -> (usize, usize) {
     let (width, height) = (size.width, size.height);
     if report.turned.is_some_and(|tag| tag >= 5) { (height, width) } else { (width, height) }

@@ -80,7 +80,7 @@ impl Gallery {
         // The iterations stay in the report's file, to save memory.
         let mut report = report.clone();
         report.iterations = Vec::new();
-        // A name used again belongs to another photo.
+        // If the name was used before, that original is another photo's.
         self.originals.remove(&report.result);
         self.reports.push(report);
     }
@@ -135,8 +135,8 @@ impl Gallery {
         Some(format!("../done/{}", address(name)))
     }
 
-    /// Interval between two writes while photos are being restored, seconds; it grows with their
-    /// number, as does the time of a write.
+    /// Interval between two writes while photos are being restored, seconds; it grows with the
+    /// number of photos, as does the time of a write.
     pub(crate) fn period_s(&self) -> f64 {
         10.0 + 0.05 * self.reports.len() as f64
     }
@@ -150,7 +150,7 @@ impl Gallery {
         now_unix_s: u64,
     ) -> Result<(), FileError> {
         let (files, outbox, previews) = (&folders.files, &folders.outbox, &folders.previews);
-        // Oldest first: a full page does not change any more.
+        // Pages are filled from the oldest photo on, so that a full page no longer changes.
         let order = |report: &Report| (report.number, report.finished_unix_s, report.photo.clone());
         self.reports.sort_by_cached_key(order);
         let found = files.list(outbox)?;
@@ -158,7 +158,7 @@ impl Gallery {
         self.reports.retain(|report| found.contains(&*report.result));
         self.find_originals(folders);
         let scenes = scenes(folders);
-        // Newest first.
+        // Pages show the newest photo first.
         let shown: Vec<GalleryPhoto<'_>> = (self.reports.iter().enumerate().rev())
             .map(|(number, report)| {
                 let (original, scene) = (self.original(report), scene_address(report, &scenes));
@@ -222,7 +222,7 @@ fn write_photo_pages(
     Ok(last_page)
 }
 
-/// Data of the search, as a script: pages opened from a disk may not read data files.
+/// Data for the search, as a script: pages opened from a disk may not read data files.
 fn names_script(reports: &[Report], outbox: &Path) -> Result<Vec<u8>, FileError> {
     let rows: Vec<_> = reports
         .iter()

@@ -28,7 +28,7 @@ pub(super) fn harmless(c: char) -> char {
     }
 }
 
-/// A time in UTC, which the page's script converts to local time.
+/// HTML of a time in UTC, which the page's script converts to local time.
 pub(super) fn moment(unix_s: u64) -> String {
     let stamp = i64::try_from(unix_s).ok().and_then(|s| Timestamp::from_second(s).ok());
     match stamp.filter(|_| unix_s > 0) {

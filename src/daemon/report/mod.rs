@@ -21,18 +21,18 @@ use summary::Summary;
 
 /// Writes the state file and the gallery.
 pub(super) struct Reporter {
-    /// As written.
+    /// State as last written.
     state: State,
     pub(super) gallery: Gallery,
     written: Option<Moment>,
     /// Whether the gallery shows results that were removed.
     pub(super) stale: bool,
-    /// Photos without a result in the gallery as written.
+    /// Deferred and waiting photos in the gallery as last written.
     shown: (Vec<Failed>, Waiting),
     summary: Summary,
 }
 
-/// Photos in the inbox at a time.
+/// Photos in the inbox at one moment.
 #[derive(Debug, Clone)]
 pub(super) struct Snapshot {
     pub(super) deferred: Vec<Failed>,
@@ -102,7 +102,7 @@ impl Reporter {
         self.written.is_none_or(|at| now.0 - at.0 >= self.gallery.period_s())
     }
 
-    /// Writes changed numbers of waiting photos, and the gallery when it is due.
+    /// Writes the numbers of waiting photos if they have changed, and the gallery when it is due.
     pub(super) fn update_waiting(&mut self, folders: &Folders, snapshot: &Snapshot) {
         if self.state.counts.waiting != snapshot.waiting {
             self.set_doing(folders, self.state.doing.clone(), snapshot);
@@ -113,7 +113,7 @@ impl Reporter {
             && self.is_due(snapshot.moment)
             && let Err(error) = self.write_gallery(folders, snapshot)
         {
-            // The next photo is held for it.
+            // If it persists, it is reported after the next photo.
             log::debug!("{}", full_message(&error));
         }
     }

@@ -1,15 +1,15 @@
-//! The gallery's status line: a page inside the page, rewritten at each change, which reloads
-//! itself, also without scripts.
+//! The gallery's status line: a page inside the page, which is rewritten at each change and reloads
+//! itself, even without scripts.
 
 use super::html::{escape, moment};
 use super::state::Doing;
 use crate::daemon::store::folders::Folders;
 use crate::disk::FileError;
 
-/// Name of its file beside the gallery's pictures.
+/// Name of the status line's file beside the gallery's pictures.
 const NAME: &str = "now.html";
 
-/// Address of the status line, relative to the outbox, once it was written.
+/// Address of the status line, relative to the outbox; `None` until it is written.
 pub(super) fn address(folders: &Folders) -> Option<String> {
     let exists = folders.files.metadata(&folders.previews.join(NAME)).is_ok();
     exists.then(|| format!("gallery/{NAME}"))

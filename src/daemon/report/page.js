@@ -40,7 +40,7 @@ const addressOf = (number, prefix) => {
   return `${up}gallery/photos-${Math.floor(number / perPage) + 1}.html#${prefix}-${number}`;
 };
 
-// The status line reports its height.
+// The status line has the height that it reports.
 const now = document.querySelector("iframe.now");
 addEventListener("message", (event) => {
   if (now && event.source === now.contentWindow && event.data?.relensNow > 0) now.style.height = event.data.relensNow + 8 + "px";

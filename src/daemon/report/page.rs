@@ -12,7 +12,7 @@ use crate::daemon::store::names::address;
 use crate::daemon::store::report_file::{Failed, Report};
 use crate::kiosk::screen::photos;
 
-/// Photos without a result listed openly; longer lists are folded.
+/// Longest list of photos without a result that is shown open; longer lists are folded.
 const LISTED: usize = 5;
 
 /// Photos on one page.
@@ -40,7 +40,7 @@ pub(super) fn number(name: &OsStr) -> Option<usize> {
     name.to_str()?.strip_prefix("photos-")?.strip_suffix(".html")?.parse().ok()
 }
 
-/// Contents of the first page; as JSON, the gallery for other programs.
+/// Contents of the first page, also written as JSON for other programs.
 #[derive(Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub(super) struct Overview<'a> {
@@ -106,8 +106,8 @@ fn counts(numbers: PhotoCounts) -> String {
     counts.join(" · ")
 }
 
-/// Photo page `n`, from 1 with the oldest photos, of `pages`. It links only to its neighbours, so
-/// that it does not change with every page added.
+/// HTML of photo page `n` of `pages`; page 1 has the oldest photos. The page links only to its
+/// neighbours, so that it does not change with every page added.
 pub(super) fn photo_page(n: usize, pages: usize, shown: &[GalleryPhoto<'_>]) -> String {
     let summary = format!("<p>page <b>{n}</b>: {}</p>\n", photos(shown.len()));
     let up = "../";

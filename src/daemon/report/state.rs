@@ -20,8 +20,8 @@ const NAME: &str = ".relens-state.json";
 pub enum Doing {
     /// No photo waits.
     Waiting,
-    /// A photo is being restored: progress 0..1, and the estimated seconds until it and the photos
-    /// behind it are done.
+    /// A photo is being restored: its progress, 0..1, and the estimated seconds until it and the
+    /// waiting photos are done.
     Restoring { photo: String, done: f64, remaining_s: Option<f64> },
     /// Photos wait for button, panel or night.
     Paused { reason: String },

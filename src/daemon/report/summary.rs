@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use crate::daemon::store::report_file::{Failed, Report, ResultKind};
 use crate::daemon::store::waiting::Waiting;
 
-/// Photos of each kind kept in a summary: a daemon may run for years.
+/// Limit of photos of each kind in a summary, as a daemon may run for years.
 const SUMMARY_MAX: usize = 1000;
 
 /// Numbers of photos by outcome.
@@ -20,7 +20,7 @@ pub struct PhotoCounts {
 }
 
 impl PhotoCounts {
-    /// The sum.
+    /// Number of photos of all outcomes.
     pub fn all(self) -> usize {
         self.restored + self.untouched + self.failed + self.waiting.all()
     }
@@ -58,7 +58,7 @@ pub struct Summary {
 }
 
 impl Summary {
-    /// Their numbers.
+    /// Numbers of photos by outcome.
     pub fn counts(&self) -> PhotoCounts {
         PhotoCounts {
             restored: self.restored.len() + self.dropped.restored,

@@ -57,8 +57,8 @@ fn add(gallery: &mut Gallery, folders: &Folders, report: &Report) {
     gallery.add(report);
 }
 
-/// An outbox with `count` photos, two failures; the previews are blue
-/// (before) and red (after).
+/// Writes an outbox with `count` photos and two failures; the previews are blue (before) and red
+/// (after).
 fn write_gallery(root: &Path, count: u64) -> PathBuf {
     let folders = Folders::open(root).unwrap();
     let picture = |rgb: [f32; 3], px: usize| {

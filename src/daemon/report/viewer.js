@@ -25,8 +25,8 @@
   button("Close", "Close", () => viewer.close());
 
   const cards = [...document.querySelectorAll("article")];
-  let at = 0, scale = 1, x = 0, y = 0; // Screen pixels per picture pixel; the picture's point in the middle of the stage.
-  let isFit = true; // Kept when the stage is resized.
+  let at = 0, scale = 1, x = 0, y = 0; // Index of the card; screen pixels per picture pixel; the picture's point in the middle of the stage.
+  let isFit = true; // Whether the whole picture is shown, also after the stage is resized.
   // Size of the result, whichever picture of it is loaded.
   const size = () => { const after = cards[at]?.querySelector(".after img"); return ["width", "height"].map((side) => Number(after?.getAttribute(side)) || 1); };
   const fit = () => { const [w, h] = size(); return Math.min(stage.clientWidth / w, stage.clientHeight / h); };
@@ -66,7 +66,7 @@
   const step = (by) => zoom(next(by));
   const fitOr = (px, py) => isFit ? zoom(Math.max(pixel(), next(1)), px, py) : zoom(0);
   fitOrPixels.addEventListener("click", () => fitOr());
-  // By a quarter of the view.
+  // Moves the view by (dx, dy) quarters of its size.
   const pan = (dx, dy) => {
     x += dx * stage.clientWidth / scale / 4;
     y += dy * stage.clientHeight / scale / 4;

@@ -1,4 +1,4 @@
-//! The schedule of a box with button, lamps and panel, around another schedule (the night's or
+//! The schedule of a box with button, lamps and panel. It wraps another schedule (the night's or
 //! none).
 
 use std::sync::Arc;
@@ -21,14 +21,14 @@ use crate::rig::{Clock, Moment};
 /// Time a result stays on the panel. Guess: time to walk up and read.
 const RESULT_S: f64 = 120.0;
 
-/// Time without a round after which the front panel's loop counts as hanging. Guess: it makes many
-/// a second.
+/// Time without a round after which the front panel's loop is taken to hang. Guess: it makes many
+/// rounds a second.
 const STALLED_S: f64 = 30.0;
 
-/// Appended to what to do in trouble.
+/// Sentence appended to the instruction shown in trouble.
 const TRY_AGAIN: &str = "Press the button to try again at once.";
 
-/// Reason to hold photos whose panel was not brought.
+/// Reason to hold photos because the panel was not put before the lens.
 const POSTPONED: &str =
     "the photos are postponed until the next photo: press the button to take it";
 
@@ -44,10 +44,10 @@ struct LastResult {
 pub struct Attended<'a> {
     before: BeforeBox<'a>,
     mode: Mode,
-    /// On a box that takes photos.
+    /// Set if the box takes photos itself.
     shooting: Option<Shooting<'a>>,
     inner: Box<dyn Schedule + 'a>,
-    /// Photos to restore since the last press.
+    /// Number of photos that the last press still allows to be restored.
     requested: usize,
     maintenance: Option<String>,
     result: Option<LastResult>,
@@ -95,7 +95,7 @@ impl<'a> Attended<'a> {
         self.rounds.is_some_and(|(_, since)| now.0 - since.0 > STALLED_S)
     }
 
-    /// Serves the requests of the button; returns the turn of a box in maintenance.
+    /// Serves the requests of the button; returns a turn if the box is in maintenance.
     fn serve_requests(&mut self, waiting: usize, rig: &mut dyn Restorer) -> Option<Turn> {
         let requests = self.before.front_panel.take_requests();
         let cancelled = self.before.front_panel.take_cancelled();
@@ -138,7 +138,7 @@ impl<'a> Attended<'a> {
         Some(Turn::hold(Awaited::Rig, "maintenance", None))
     }
 
-    /// The last result while it is recent, else `other`.
+    /// Screen of the last result while that is recent, else `other`.
     fn recent_result(&mut self, hint: &str, other: Screen) -> Screen {
         let now = self.before.clock.now();
         self.result.take_if(|result| now.0 - result.at.0 > RESULT_S);
@@ -147,11 +147,11 @@ impl<'a> Attended<'a> {
         Screen::Result { photo, untouched: *untouched, words, hint }
     }
 
-    /// Shows what photos wait for.
+    /// Shows what the photos wait for.
     fn rest(&mut self, reason: &str, awaited: Awaited, waiting: usize, rig: &mut dyn Restorer) {
         let (words, others) = (reason.to_owned(), self.incomplete.clone());
         let screen = Screen::Resting { words, photos: waiting, others };
-        // Photos that wait for the button must get it.
+        // The lamps must ask for the button if photos wait for it.
         let is_button = awaited == Awaited::Button;
         self.before.show(
             screen,
@@ -169,7 +169,7 @@ impl<'a> Attended<'a> {
         Turn::hold(Awaited::Button, "press the button to restore the photos", None)
     }
 
-    /// Shows an idle box; `postponed` photos wait for the panel.
+    /// Shows that the box is idle; `postponed` photos wait for the panel.
     fn be_ready(&mut self, postponed: usize, rig: &mut dyn Restorer) {
         let (hint, after) = match self.mode {
             Mode::Button => (DROP_AND_PRESS, RESULT_IN_OUTBOX),
@@ -184,7 +184,7 @@ impl<'a> Attended<'a> {
         let screen = self.recent_result(after, Screen::Ready { hint });
         let state = match self.ended {
             _ if postponed > 0 => BoxState::Waiting,
-            // The user who took the photo is present.
+            // The user who took the photo is there to see how it ended.
             Some((ended, at)) if self.is_recent(at) && self.mode == Mode::Shoot => ended,
             _ => BoxState::Ready,
         };
@@ -223,7 +223,8 @@ impl Schedule for Attended<'_> {
                 Ok(true) => {}
                 Ok(false) => {
                     self.be_ready(waiting, rig);
-                    // A user who brings the panel now and cannot see it must know what to do.
+                    // A user who puts the panel before the lens now cannot read it: the status says
+                    // what to do.
                     return Turn::hold(Awaited::Panel, POSTPONED, None);
                 }
                 Err(turn) => return turn,
@@ -291,7 +292,7 @@ fn photos_wait(photos: usize) -> String {
     if photos == 1 { "1 photo waits".to_owned() } else { format!("{photos} photos wait") }
 }
 
-/// Interrupts the restorer at a long press in a job or a stop of the service.
+/// Interruption of the restorer by a long press during a job, or by a stop of the service.
 pub fn interruption(front_panel: FrontPanel, stopped: Arc<AtomicBool>) -> Interruption {
     Arc::new(move || front_panel.cancelled() || stopped.load(Ordering::Acquire))
 }

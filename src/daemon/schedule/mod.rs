@@ -19,8 +19,8 @@ use crate::rig::Moment;
 pub enum Turn {
     /// Restore the next photo.
     Go,
-    /// Restore none for now, for a reason in words, until this moment if it is known; ask again at
-    /// the next scan.
+    /// Restore no photo for now, for `reason`, until the moment `until` if it is known; ask again
+    /// at the next scan.
     Hold { reason: String, awaited: Awaited, until: Option<Moment> },
     /// The operator is needed; ask again later.
     Help(DaemonError),
@@ -48,9 +48,9 @@ impl From<DaemonError> for Turn {
 pub struct Question {
     /// Complete photos in the inbox.
     pub waiting: usize,
-    /// All waiting photos, by what they wait for.
+    /// Numbers of all waiting photos, by what they wait for.
     pub parts: Waiting,
-    /// Whether one of them can be restored now; otherwise all are deferred.
+    /// Whether a complete photo can be restored now; otherwise all are deferred.
     pub is_ready: bool,
 }
 
@@ -78,7 +78,7 @@ pub trait Schedule {
     /// Receives an event.
     fn notify(&mut self, _event: Event<'_>, _rig: &mut dyn Restorer) {}
 
-    /// Whether to scan at once and retry deferred photos; asked several times a second.
+    /// Whether to scan at once and retry deferred photos; called several times a second.
     fn impatient(&self) -> bool {
         false
     }

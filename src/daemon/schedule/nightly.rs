@@ -38,7 +38,7 @@ const LULL_S: f64 = 60.0;
 /// Calibrations in a row after which a rig that drifts again counts as unsteady. Guess.
 const CALIBRATIONS_MAX: u32 = 3;
 
-/// Reason to hold after a calibration was cancelled at the button.
+/// Reason to hold photos after a calibration was cancelled at the button.
 const CANCELLED: &str = "the rig has drifted, and measuring the lens was cancelled at the button: \
                          press it to measure now; otherwise the next night does";
 
@@ -64,13 +64,13 @@ impl Times<'_> {
 }
 
 struct Night {
-    /// End by the monotonic clock.
+    /// End of the night by the monotonic clock; `None` if the hours never end.
     ends: Option<Moment>,
     warm_up: Option<WarmUp>,
     next_pilot: Moment,
     /// Photos since the last pilot.
     photos: usize,
-    /// Whether the last pilot was past a limit.
+    /// Whether the drift by the last pilot was past a limit.
     drifted: bool,
 }
 
@@ -86,14 +86,14 @@ pub struct Nightly<'a> {
     /// Whether this night is over by the monotonic clock, whatever the calendar says.
     is_over: bool,
     calibrations: u32,
-    /// Whether a calibration was cancelled at the button: not repeated before a press or the next
-    /// night.
+    /// Whether a calibration was cancelled at the button; it is not repeated before a press or the
+    /// next night.
     is_cancelled: bool,
-    /// Since when no photo is ready.
+    /// Time since which no photo has been ready.
     lull_since: Option<Moment>,
 }
 
-/// Whether photos may be restored, or what to do instead.
+/// `Ok` if photos may be restored, else what to do instead.
 type MayRestore = Result<(), Turn>;
 
 fn hold(awaited: Awaited, reason: &str, until: Option<Moment>) -> MayRestore {
@@ -133,7 +133,7 @@ impl<'a> Nightly<'a> {
         }
     }
 
-    /// Begins or ends the night by the hours.
+    /// Begins or ends the night according to the hours.
     fn hours(&mut self, rig: &mut dyn Restorer) -> MayRestore {
         let (now, unix_s) = (self.now(), self.times.unix_s());
         let unknown = match self.calendar.judge(unix_s, now.0, (self.times.is_set)()) {
@@ -197,7 +197,7 @@ impl<'a> Nightly<'a> {
     fn prove(&mut self, rig: &mut dyn Restorer) -> MayRestore {
         match rig.pilot().map_err(DaemonError::of_rig)? {
             Some(drift) => self.judge(drift, rig),
-            // A rig without pilots.
+            // The rig has no pilots.
             None => self.good(),
         }
     }
@@ -232,8 +232,8 @@ impl<'a> Nightly<'a> {
         self.prove(rig)
     }
 
-    /// After a good pilot: photos since the last one are proven, unless a pilot in between was past
-    /// a limit.
+    /// Acts on a good pilot: photos since the last good one are proven, unless a pilot in between
+    /// was past a limit.
     fn good(&mut self) -> MayRestore {
         if let Some(night) = &mut self.night {
             (night.photos, night.drifted) = (0, false);

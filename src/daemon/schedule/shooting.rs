@@ -8,7 +8,7 @@
 //! ```
 //!
 //! Before each photo the box counts down; a press or an error cancels the countdown. A photo is
-//! saved to the inbox before anything else: from then on it is treated as any other, also after a
+//! saved to the inbox before anything else: from then on it is treated like any other, even after a
 //! power cut.
 
 use std::time::SystemTime;
@@ -46,12 +46,13 @@ const TRIES_MAX: u32 = 3;
 
 #[derive(Debug, PartialEq)]
 enum Stage {
-    /// Waiting photos are postponed.
+    /// The user aims the camera; waiting photos are postponed.
     Aim,
-    /// The panel is asked for `since` then, in these `words`; next search at `search_at`.
+    /// The panel has been asked for since `since`, in these `words`; the next search is at
+    /// `search_at`.
     Ask { since: Moment, search_at: Moment, words: String },
-    /// The lens is to be measured because the panel was moved, by `why`, after so many
-    /// calibrations. A separate stage, so that the page shows it meanwhile.
+    /// The lens is to be measured because the panel was moved, as `why` describes, after this many
+    /// `calibrations` in a row. A stage of its own, so that the page shows it meanwhile.
     Measure { why: String, calibrations: u32 },
     /// The panel is where it was when the lens was measured.
     There,
@@ -134,7 +135,7 @@ impl<'a> Shooting<'a> {
         }
     }
 
-    /// Whether photos may be restored, else they are postponed; or what to do instead.
+    /// `Ok(true)` if photos may be restored, `Ok(false)` to postpone them, or what to do instead.
     pub(super) fn turn(
         &mut self,
         asked: Question,
@@ -150,7 +151,7 @@ impl<'a> Shooting<'a> {
         if self.take_when_due(front)? {
             let now = front.now();
             self.ask(now, ASK);
-            // The photo is found by the next scan of the inbox.
+            // The photo is counted here, as only the next scan of the inbox finds it.
             let asked = Question { waiting: asked.waiting + 1, ..asked };
             return self.wait(asked, now, front);
         }
@@ -161,8 +162,8 @@ impl<'a> Shooting<'a> {
         self.restore_waiting(asked, front)
     }
 
-    /// Saves a photo taken before, counts down, and takes a photo when the countdown ends. Whether
-    /// a photo was saved to the inbox.
+    /// Saves a photo taken before, counts down, and takes a photo when the countdown ends. Returns
+    /// whether a photo was saved to the inbox.
     fn take_when_due(&mut self, front: &mut Front<'_, '_>) -> Result<bool, Turn> {
         let saved = self.save();
         let is_due = matches!(saved, Ok(false)) && self.count_down(front);
@@ -191,7 +192,7 @@ impl<'a> Shooting<'a> {
                 log::info!("the panel was not put before the lens within {ASK_S} s");
                 self.postpone(asked.waiting);
             }
-            // All photos are deferred; until then the panel may be moved.
+            // All photos are deferred; the panel may be moved until they are tried again.
             Stage::There | Stage::Measure { .. } if !asked.is_ready => self.ask(now, ASK),
             _ => {}
         }
@@ -219,7 +220,7 @@ impl<'a> Shooting<'a> {
         }
     }
 
-    /// Starts or continues the countdown; true when it ends.
+    /// Starts or continues the countdown; returns true when it ends.
     fn count_down(&mut self, front: &mut Front<'_, '_>) -> bool {
         let now = front.now();
         if std::mem::take(&mut self.go) && self.countdown.is_none() {
@@ -267,7 +268,8 @@ impl<'a> Shooting<'a> {
         }
     }
 
-    /// Saves the photo taken to the inbox; false without one. After an error it stays in memory.
+    /// Saves the taken photo to the inbox; returns false if there is none. It stays in memory after
+    /// an error.
     fn save(&mut self) -> Result<bool, DaemonError> {
         let Some(photo) = &self.unsaved else { return Ok(false) };
         let name = taken::keep(&self.folders, photo, unix_s((self.calendar)()) as u64)?;
@@ -302,7 +304,7 @@ impl<'a> Shooting<'a> {
         Ok(())
     }
 
-    /// Shows a pilot, after so many calibrations, and sets the stage.
+    /// Shows a pilot, after this many `calibrations` in a row, and sets the stage.
     fn prove(&mut self, calibrations: u32, front: &mut Front<'_, '_>) -> Result<(), DaemonError> {
         let drift = front.rig.pilot().map_err(DaemonError::of_rig)?;
         let Some(complaint) = drift.and_then(|drift| drift.complaint()) else {

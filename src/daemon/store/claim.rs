@@ -40,7 +40,7 @@ pub(crate) fn flat_name(path: &Path) -> OsString {
 pub(crate) struct Claimed {
     pub(crate) path: PathBuf,
     pub(crate) name: OsString,
-    /// As it was taken.
+    /// Metadata when the photo was claimed.
     pub(crate) metadata: Metadata,
     pub(crate) ledger: Ledger,
     /// Whether its result is in the outbox, synchronised.
@@ -69,7 +69,7 @@ impl Claimed {
         let (files, done) = (&folders.files, &folders.done);
         let kept = files.move_to(&self.path, done, &self.name)?;
         step(JobStep::Moved);
-        // Before the record goes: without it the photo would be restored a second time.
+        // Before the record is removed: without it the photo would be restored a second time.
         files.sync_folder(done)?;
         let result = self.ledger.result().unwrap_or_default();
         self.ledger.close(folders)?;
@@ -87,8 +87,8 @@ impl Claimed {
             files.replace_for_good(&folder.join(note_name(name)), failed.note().as_bytes())?;
             files.rename_new(&self.path, &folder.join(name))
         })?;
-        // Before the record goes: without it the photo would be tried again. Another's move is made
-        // durable with the gallery.
+        // Before the record is removed: without it the photo would be tried again. The move of a
+        // photo never attempted is made durable with the gallery.
         if self.ledger.attempts() > 0 {
             files.sync_folder(folder)?;
         }

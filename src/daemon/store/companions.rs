@@ -1,5 +1,5 @@
-//! Files beside photos, by name and content: of systems and shares, uploads under way, and what
-//! cameras and programs write.
+//! Recognition of files that are not photos, by name and content: files of systems and shares,
+//! uploads under way, and what cameras and programs write beside photos.
 
 use std::ffi::OsStr;
 use std::os::unix::ffi::OsStrExt;
@@ -17,16 +17,16 @@ pub(crate) fn is_hidden(name: &OsStr) -> bool {
 pub(super) const KINDS: &str =
     "sidecars, movies, sounds, thumbnails, catalogues, files still being sent";
 
-/// Names of files and folders of systems, shares and photo programs.
+/// Names of files and folders that systems, shares and photo programs make.
 const NAMES: &str = "$recycle.bin/#recycle/@eadir/@recycle/@tmp/__macosx/desktop.ini/ehthumbs.db/\
     icon\r/ipod photo cache/lost+found/network trash folder/picasa.ini/system volume information/\
     temporary items/thumbnails/thumbs.db/zbthumbnail.info";
 
-/// Endings of files that are no photos whatever they hold: uploads under way, and thumbnails.
+/// Endings of files that are never photos, whatever their content: uploads under way, thumbnails.
 const UNFINISHED: &str = "!sync !ut aria2 bc! crdownload download filepart lock opdownload part \
     partial swp tacitpart temp thm tmp";
 
-/// Endings of files that lie beside photos: sidecars and catalogues of photo programs; what cameras
+/// Endings of files found beside photos: sidecars and catalogues of photo programs; what cameras
 /// write beside photos; movies and sounds.
 const ENDINGS: &str = "\
     aae acr arp cof comask cop cos cot db db-journal db-shm db-wal dop exv ini json lnk lrcat \
@@ -34,8 +34,8 @@ const ENDINGS: &str = "\
     bdm bin cpi ctg dat gis gpx idx lrf lrv log mrk nav obs srt xml \
     3gp aac avi insv m2ts m4a m4v mov mp3 mp4 mpg mts wav webm wmv";
 
-/// Whether `name`, of a file or folder, is junk by itself: of systems and shares, an upload under
-/// way, a thumbnail.
+/// Whether the `name` of a file or folder alone shows that it is junk: of a system or share, an
+/// upload under way, a thumbnail.
 pub(super) fn is_junk(name: &OsStr, kind: FileKind) -> bool {
     let lower = name.to_string_lossy().to_lowercase();
     let is_file_junk = || {
@@ -50,7 +50,7 @@ pub(super) fn is_junk(name: &OsStr, kind: FileKind) -> bool {
         || kind != FileKind::Folder && is_file_junk()
 }
 
-/// Whether the file `path` lies beside photos, by its name and its content.
+/// Whether the file `path` is a companion of photos, by its name and its content.
 pub(super) fn is_companion_at(files: &Files, path: &Path, kind: FileKind) -> bool {
     let Some(name) = path.file_name().filter(|_| kind == FileKind::File) else { return false };
     let usual = has_ending(&name.to_string_lossy().to_lowercase(), ENDINGS);

@@ -14,7 +14,7 @@ use crate::picture::{Photo, PictureError, encode, preview};
 use crate::pipeline::{Outcome, Verdict};
 
 /// Longest side of the gallery's previews, pixels. Larger pictures have a full-size copy beside
-/// them.
+/// their preview.
 const PREVIEW_PX: usize = 1280;
 
 /// Longest side of the thumbnails, pixels.
@@ -51,7 +51,7 @@ impl Encoded {
             },
             result: None,
         };
-        // The result of a large photo needs the memory.
+        // Freed first, since the result of a large photo needs the memory.
         drop(picture);
         Ok(Encoded {
             result: match outcome.verdict {

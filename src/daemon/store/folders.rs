@@ -19,7 +19,7 @@ pub struct Folders {
     pub files: Files,
     /// The root, absolute; it holds calibration and state.
     pub root: PathBuf,
-    /// Photos dropped.
+    /// Dropped photos, which wait to be restored.
     pub inbox: PathBuf,
     /// Photos being restored.
     pub working: PathBuf,
@@ -31,7 +31,7 @@ pub struct Folders {
     pub failed: PathBuf,
     /// Pictures of the gallery.
     pub previews: PathBuf,
-    /// Held for as long as a copy of this value lives.
+    /// Lock of the root, held for as long as a copy of this value lives.
     _lock: Option<Arc<File>>,
 }
 
@@ -64,8 +64,8 @@ impl Folders {
         self.outbox.join("withdrawn")
     }
 
-    /// Checks that all folders are there, those of a photo's way with room for files and at least
-    /// `floor_bytes` each; passes where the free space is unknown.
+    /// Checks that all five folders exist, and that all but the inbox have room for files and at
+    /// least `floor_bytes` free. Unknown free space passes the check.
     pub(crate) fn check_space(&self, floor_bytes: u64) -> Result<(), DaemonError> {
         const MIB: u64 = 1 << 20;
         let Folders { files, inbox, working, outbox, done, failed, .. } = self;

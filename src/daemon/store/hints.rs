@@ -24,15 +24,15 @@ pub(crate) struct Hints {
 }
 
 impl Hints {
-    /// Events, if the kernel has a watch available.
+    /// Opens the events of the inbox; there are none if the kernel provides no watch.
     pub(crate) fn new() -> Hints {
         let opened = inotify::init(CreateFlags::NONBLOCK | CreateFlags::CLOEXEC);
         let opened = opened.inspect_err(|errno| log::debug!("no events of the inbox: {errno}"));
         Hints { inotify: opened.ok(), ..Hints::default() }
     }
 
-    /// Watches the folder `path`, relative to `inbox`; repeated, the folder that has that name by
-    /// then.
+    /// Watches the folder `path`, relative to `inbox`. A repeated call watches the folder that now
+    /// has the name.
     pub(crate) fn watch(&self, inbox: &Path, path: &Path) {
         let flags = WatchFlags::CLOSE_WRITE
             | WatchFlags::MOVED_TO
@@ -66,8 +66,8 @@ impl Hints {
         any
     }
 
-    /// Paths, relative to the inbox, of files moved in since the last call, as far as there were
-    /// events.
+    /// Paths, relative to the inbox, of files moved in since the last call, as far as events report
+    /// them.
     pub(crate) fn take_moved(&self) -> HashSet<PathBuf> {
         self.moved.take()
     }

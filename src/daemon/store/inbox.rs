@@ -22,14 +22,14 @@ const DEPTH_MAX: usize = 8;
 /// Waiting times of files, seconds.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Patience {
-    /// A file is opened when it has not changed for this long.
+    /// Time without a change after which a file is opened.
     pub(crate) quiet_s: f64,
-    /// An incomplete one is reported after this long without a change.
+    /// Time without a change after which an incomplete file is reported.
     pub(crate) mention_s: f64,
-    /// An incomplete one is rejected as broken after this long without a change.
+    /// Time without a change after which an incomplete file is rejected as broken.
     pub(crate) unfinished_s: f64,
-    /// Current time, seconds since 1970, where files' own times of change are trusted because there
-    /// is no time to watch them: the inbox is to be emptied once.
+    /// Current time, seconds since 1970, if files' own times of change are trusted: when the inbox
+    /// is emptied once, there is no time to watch them.
     pub(crate) trusted_unix_s: Option<u64>,
 }
 
@@ -37,14 +37,14 @@ pub(crate) struct Patience {
 struct SeenFile {
     metadata: Metadata,
     since: Moment,
-    /// Whether it is a companion by its content.
+    /// Whether the file is a companion of photos, by its name and content.
     is_companion: bool,
-    /// What the content with this `metadata` lacks; `None` before it was examined.
+    /// What the file with this `metadata` lacks, if anything; `None` before it was examined.
     missing: Option<Option<String>>,
 }
 
 impl SeenFile {
-    /// What the file lacks, while that is a reason to wait, and the seconds since its last change.
+    /// Seconds since the last change and what the file lacks, while that is a reason to wait.
     fn unfinished(&self, now: Moment, patience: Patience) -> Option<(f64, &str)> {
         let missing = self.missing.as_ref()?.as_deref()?;
         let unchanged_s = match patience.trusted_unix_s {
@@ -76,7 +76,7 @@ pub(crate) struct Inbox {
     hints: Hints,
     /// Numbers of waiting photos by what they wait for.
     pub(crate) waiting: Waiting,
-    /// Number of files beside the photos, which stay.
+    /// Number of companions of photos, which stay in the inbox.
     companions: usize,
 }
 
@@ -155,7 +155,7 @@ impl Inbox {
                     SeenFile { metadata, since: now, is_companion, missing: None }
                 }
             };
-            // A file moved in was written elsewhere and need not settle.
+            // A file moved in, alone or with its folder, was written elsewhere and need not settle.
             if path.ancestors().any(|moved_there| moved.contains(moved_there)) {
                 seen.since = Moment(seen.since.0.min(now.0 - patience.quiet_s));
             }
@@ -235,12 +235,12 @@ impl Inbox {
         self.deferred.insert(path, Failed { photo, reason });
     }
 
-    /// One photo fewer waits for its turn.
+    /// Counts one photo fewer that waits for its turn.
     pub(crate) fn count_turn(&mut self) {
         self.waiting.turn = self.waiting.turn.saturating_sub(1);
     }
 
-    /// Forgets the photo at `path`, which was taken.
+    /// Forgets the photo at `path`, which has left the inbox.
     pub(crate) fn forget(&mut self, path: &Path) {
         self.deferred.remove(path);
         self.retries.remove(path);
@@ -267,7 +267,7 @@ impl Inbox {
     }
 }
 
-/// Files and folders in the inbox.
+/// Files and folders found in the inbox.
 #[derive(Default)]
 struct InboxScan {
     found: Vec<(PathBuf, Metadata)>,
@@ -277,8 +277,7 @@ struct InboxScan {
     companions: usize,
 }
 
-/// Adds the files in `inbox/path` and its subfolders to `scan`. A folder moved in causes one event
-/// and none for its files.
+/// Adds the files in `inbox/path` and its subfolders to `scan`.
 fn collect(
     files: &Files,
     inbox: &Path,
@@ -289,7 +288,7 @@ fn collect(
     let folder = if depth == 0 { inbox.to_owned() } else { inbox.join(path) };
     let listed = match files.list(&folder) {
         Err(error) if depth > 0 && !error.is_of_disk() => {
-            // Otherwise removed, or replaced by a link, since it was listed.
+            // Otherwise the folder was removed, or replaced by a link, since it was listed.
             if error.kind() == ErrorKind::PermissionDenied {
                 scan.deferred.insert(path.to_owned(), error.message_for_owner());
             }

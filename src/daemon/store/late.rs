@@ -15,13 +15,13 @@ pub(crate) struct LateWrites(Vec<WatchedOriginal>);
 #[derive(Debug)]
 struct WatchedOriginal {
     photo: Delivered,
-    /// Length and time of change as it was taken.
+    /// Length and time of change when the photo was claimed.
     taken: (u64, (i64, i64)),
     until: Moment,
 }
 
 impl LateWrites {
-    /// Watches the original of `photo`, which was taken as `original`, until `until`.
+    /// Watches the original of `photo`, claimed with the metadata `original`, until `until`.
     pub(crate) fn watch(
         &mut self,
         folders: &Folders,
@@ -30,12 +30,12 @@ impl LateWrites {
         until: Moment,
     ) {
         let Ok(now) = folders.files.metadata(&kept(folders, &photo)) else { return };
-        // A copy on another file system has a time of its own.
+        // A copy on another file system has a time of change of its own.
         let taken = if now.inode == original.inode { original } else { now };
         self.0.push(WatchedOriginal { photo, taken: (taken.size, taken.changed), until });
     }
 
-    /// The photos whose originals have changed by `now`; they are watched no more, nor are those
+    /// The photos whose originals have changed by `now`. They are no longer watched, nor are those
     /// whose time has passed.
     pub(crate) fn take_changed(&mut self, folders: &Folders, now: Moment) -> Vec<Delivered> {
         let files = &folders.files;

@@ -1,9 +1,9 @@
 //! The record of a photo under way, from which an interrupted job is recovered.
 //!
-//! One small file per photo, in `working`: identity of the file, attempts so far, name of the
-//! result. A photo that ends the program or its worker each time is rejected after
-//! [`ATTEMPTS_MAX`]; a result that was delivered is not made again; a photo of the same name
-//! dropped later is another photo.
+//! It is one small file per photo, in `working`, with the identity of the photo's file, the number
+//! of attempts and the name of the result. A photo that ends the program or its worker each time is
+//! rejected after [`ATTEMPTS_MAX`] attempts; a delivered result is not made again; a later photo of
+//! the same name is recognised as another.
 
 use std::ffi::{OsStr, OsString};
 use std::os::unix::ffi::{OsStrExt, OsStringExt};
@@ -16,7 +16,7 @@ use super::names::{RECORD_PREFIX, record_name};
 use crate::disk::files::json;
 use crate::disk::{FileError, Metadata};
 
-/// Attempts ended by the program's or the worker's end before a photo is rejected. Guess.
+/// Number of attempts ending the program or its worker after which a photo is rejected. Guess.
 pub(crate) const ATTEMPTS_MAX: u32 = 3;
 
 /// The record of one photo under way.
@@ -111,8 +111,9 @@ impl Ledger {
         self.write(folders)
     }
 
-    /// Records that the named result will not be delivered under this attempt. Unsynchronised: a
-    /// damaged record names no result either, and without the change the next start decides alike.
+    /// Records that the named result will not be delivered under this attempt. Not synchronised: a
+    /// damaged record names no result either, and if the change is lost, the next start decides the
+    /// same.
     pub(super) fn forget_result(&mut self, folders: &Folders) -> Result<(), FileError> {
         self.entry.result = None;
         folders.files.replace_for_now(&self.path, &self.bytes()?)

@@ -16,14 +16,14 @@ pub(crate) struct NightRecord {
     pub(crate) floor_unix_s: f64,
     /// Photos restored since the last good pilot.
     pub(crate) unproven: Vec<Delivered>,
-    /// Whether a pilot was past its limits since then, so that they must be restored anew.
+    /// Whether a pilot since then was past its limits, so that those photos must be restored again.
     pub(crate) must_repeat: bool,
-    /// Whether they are being put back into the inbox.
+    /// Whether those photos are being put back into the inbox.
     pub(crate) is_withdrawing: bool,
 }
 
 impl NightRecord {
-    /// The record in `folders`; an empty one when none is readable.
+    /// Reads the record in `folders`; empty if there is none or it is damaged.
     pub(crate) fn load(folders: &Folders) -> Result<NightRecord, FileError> {
         let found = folders.files.read_json(&folders.root.join(NAME))?;
         Ok(found.unwrap_or_default())

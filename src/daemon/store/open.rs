@@ -58,7 +58,8 @@ impl Folders {
         }
     }
 
-    /// As [`Folders::open`] on any `disk`, without a lock; `root` must exist.
+    /// Opens the folders on any `disk`, as [`Folders::open`] does but without a lock. `root` must
+    /// exist.
     pub fn on(disk: Arc<dyn Disk>, root: &Path) -> Result<Folders, DaemonError> {
         let places = NAMES.map(|name| root.join(name));
         recovered(Folders::at(Files::on(disk), root.to_owned(), places, None))

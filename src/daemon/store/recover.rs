@@ -1,10 +1,10 @@
 //! Recovery of interrupted jobs: after a stop, at the next start; after a disk error, in the
 //! running daemon. Recovery may itself be interrupted and repeated at any instant.
 //!
-//! At a start everything found is on the disk: delivered results are closed, other photos go back
-//! to the inbox. In a running daemon a failed synchronisation leaves a file visible that may not be
-//! on the disk, and a repeated one would report success. A result whose delivery met an error is
-//! therefore removed and made anew.
+//! At a start every file found is durable: jobs with a delivered result are closed, other photos go
+//! back to the inbox. In a running daemon a failed synchronisation leaves a visible file that may
+//! not be durable, and a repeated synchronisation would report success. A result whose delivery met
+//! an error is therefore removed and made again.
 
 use std::ffi::{OsStr, OsString};
 use std::path::{Path, PathBuf};
@@ -39,14 +39,14 @@ fn recover_photo(folders: &Folders, name: &OsStr) -> Result<(), FileError> {
         let exists = files.exists(&folders.outbox.join(&result))?;
         if exists && is_reported(folders, &result, &path)? {
             files.move_to(&path, &folders.done, name)?;
-            // Before the record goes: without it the photo would be restored a second time.
+            // Before the record is removed: without it the photo would be restored a second time.
             files.sync_folder(&folders.done)?;
             log::info!(
                 "{photo}: found in working after a stop with its result delivered, moved to done"
             );
             return ledger.close(folders);
         }
-        // A result of that name belongs to another photo by now; its report stays.
+        // A result that exists belongs to another photo by now; it stays, with its report.
         if !exists {
             remove_result(folders, &result, &path)?;
         }
@@ -66,8 +66,8 @@ pub(crate) fn settle(
 ) -> Result<Option<PathBuf>, FileError> {
     let (files, path) = (&folders.files, folders.working.join(name));
     let Some(metadata) = if_found(files.metadata(&path))? else {
-        // Moved already but not synchronised, unless `working` itself is missing. Its record is
-        // removed at the next start.
+        // The photo was moved already but not synchronised, unless `working` itself is missing. Its
+        // record is removed at the next start.
         files.sync_folder(&folders.working)?;
         files.sync_folder(&folders.done)?;
         files.sync_folder(&folders.failed)?;
@@ -86,14 +86,14 @@ pub(crate) fn settle(
     Ok(Some(PathBuf::from(path.file_name().unwrap_or(name))))
 }
 
-/// Removes `result` and its report, if they belong to the photo at `path`: they may not be on the
-/// disk, and they occupy the name.
+/// Removes `result` and its report, if they belong to the photo at `path`: they may not be durable,
+/// and they occupy the name.
 fn remove_result(folders: &Folders, result: &OsStr, path: &Path) -> Result<(), FileError> {
     if !is_reported(folders, result, path)? {
         return Ok(());
     }
     let outbox = &folders.outbox;
-    // The result first: after a cut a report may remain without its result.
+    // The result first: after a power cut a report may remain, but no result without a report.
     for path in [outbox.join(result), outbox.join(report_name(result))] {
         folders.files.remove(&path)?;
         folders.files.sync_folder(outbox)?;

@@ -17,7 +17,7 @@ use crate::pipeline::{Iteration, OpticalResidual, Outcome, Verdict, areas};
 pub enum ResultKind {
     /// The restored picture.
     Restored,
-    /// The photo itself; the notes hold the reason.
+    /// The photo itself; [`Report::reason`] states why.
     Untouched,
 }
 
@@ -60,7 +60,7 @@ pub struct Report {
     pub method: String,
     /// Stage that produced the result.
     pub stage: ResultStage,
-    /// Why this stage.
+    /// Why the result is of this stage.
     pub reason: String,
     pub captures: usize,
     /// Duration in seconds, captures included.
@@ -69,7 +69,7 @@ pub struct Report {
     pub certificate: Option<OpticalResidual>,
     /// The certificate in words.
     pub meaning: Option<String>,
-    /// Size of the restored picture: the rig's photo size.
+    /// Size of the restored picture.
     pub size: Size,
     /// Size of the photo as stored.
     pub stored: Size,
@@ -79,11 +79,11 @@ pub struct Report {
     pub grey: bool,
     /// EXIF orientation applied to the result; `None` when it is delivered as stored.
     pub turned: Option<u8>,
-    /// Areas delivered as they were, because no scene gives them through the lens.
+    /// Areas delivered as in the photo, because no scene could give them through the lens.
     #[serde(default)]
     pub left_as_they_were: Vec<RelativeRect>,
     pub notes: Vec<String>,
-    /// The method's record.
+    /// Record of the method's steps.
     pub iterations: Vec<Iteration>,
     /// CRC-32 of the photo's file, hexadecimal.
     pub photo_crc32: String,
@@ -91,8 +91,8 @@ pub struct Report {
     pub photo_bytes: u64,
     /// Time of completion, seconds since 1970 UTC by the box's calendar.
     pub finished_unix_s: u64,
-    /// Its place in the order of results, which a calendar that was set does not give; 0 in reports
-    /// of older versions.
+    /// Position in the order of results, which times do not give if the calendar was set; 0 in
+    /// reports of older versions.
     #[serde(default)]
     pub number: u64,
     pub before: String,
@@ -100,8 +100,8 @@ pub struct Report {
 }
 
 impl Report {
-    /// Reports a photo restored into the file `out` of `format`, outside a gallery; `None` for the
-    /// photo's own file.
+    /// Creates the report of a photo restored into the file `out`, outside a gallery. `format` is
+    /// `None` if the result is the photo's own file.
     pub fn single(
         rig: &str,
         photo: &Photo,
@@ -143,7 +143,7 @@ impl Report {
         }
     }
 
-    /// The same report of the file `result`, with its previews in the gallery.
+    /// Copy of the report for the file `result`, with its `previews` in the gallery.
     pub(super) fn named(&self, result: &OsStr, previews: &[String; 2]) -> Report {
         let [before, after] = previews;
         Report {
@@ -155,7 +155,7 @@ impl Report {
         }
     }
 
-    /// The log line.
+    /// Line for the log.
     pub fn line(&self) -> String {
         let Report { photo, method, reason, seconds, size, stored, .. } = self;
         let captures = match self.captures {

@@ -9,7 +9,7 @@ pub enum Awaited {
     Button,
     /// The hours of work.
     Window,
-    /// The panel before the lens.
+    /// The panel to be put before the lens.
     Panel,
     /// The rig: warm-up, maintenance.
     Rig,
@@ -25,22 +25,22 @@ pub struct Waiting {
     pub window: usize,
     pub panel: usize,
     pub rig: usize,
-    /// The end of changes: just arrived.
+    /// Photos that have just arrived and may still change.
     pub settling: usize,
-    /// The rest of the file.
+    /// Photos of which only a part has arrived.
     pub unfinished: usize,
-    /// The next attempt.
+    /// Photos to be tried again.
     pub retry: usize,
 }
 
 impl Waiting {
-    /// The sum.
+    /// Number of all waiting photos.
     pub fn all(self) -> usize {
         let Waiting { turn, button, window, panel, rig, settling, unfinished, retry } = self;
         turn + button + window + panel + rig + settling + unfinished + retry
     }
 
-    /// Counts those that wait for their turn as waiting for `awaited`.
+    /// Counts the photos that wait for their turn as waiting for `awaited` instead.
     pub(crate) fn held_for(self, awaited: Awaited) -> Waiting {
         let mut held = Waiting { turn: 0, ..self };
         *match awaited {
@@ -52,7 +52,8 @@ impl Waiting {
         held
     }
 
-    /// Sentences for the panel on photos that are not complete or failed before; empty without any.
+    /// Sentences for the panel on photos that are incomplete or will be tried again; empty if there
+    /// are none.
     pub(crate) fn describe_incomplete(self) -> String {
         let photos = |n: usize, one: &str, many: &str| match n {
             0 => None,

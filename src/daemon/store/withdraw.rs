@@ -28,8 +28,8 @@ pub(crate) fn withdraw(folders: &Folders, photos: &[Delivered]) -> Result<(), Fi
     for Delivered { result, .. } in photos {
         let (from, report) = (outbox.join(result), outbox.join(report_name(result)));
         let moves = files.metadata(&from).is_ok();
-        // One number for result and report. After a cut between them, the first free one for the
-        // report.
+        // Result and report get the same number. If a power cut separated them, the report gets its
+        // first free one.
         let is_taken = |taken: &TakenNames, name: &OsStr| {
             taken.holds(&report_name(name)) || moves && taken.holds(name)
         };
@@ -57,7 +57,7 @@ pub(crate) fn withdraw(folders: &Folders, photos: &[Delivered]) -> Result<(), Fi
 pub(crate) fn is_in_place(folders: &Folders, photo: &Delivered) -> bool {
     let exists = |path: PathBuf| folders.files.metadata(&path).is_ok();
     let (done, outbox) = (&folders.done, &folders.outbox);
-    // After a cut only the report may remain.
+    // After a power cut only the report may remain.
     exists(done.join(&photo.kept))
         || exists(outbox.join(&photo.result))
         || exists(outbox.join(report_name(&photo.result)))

@@ -8,7 +8,7 @@ use super::transform::{AREA, Block, Cosines, SIDE, haar, haar_inverse};
 use crate::frame::instructions::{Kernel, multiply_add, run_fastest};
 use crate::frame::{Plane, Size};
 
-/// Tasks whose sums are in memory at once. Guess: two for each core of a board.
+/// Number of tasks whose sums are in memory at once. Guess: two for each core of a board.
 const TASKS_AT_ONCE: usize = 8;
 
 /// Filters `noisy` group by group by Wiener's rule, with the variances of `noise` and the signal's
@@ -27,7 +27,7 @@ pub fn filter(groups: &Groups, noisy: &Plane, guide: &Plane, noise: &BlockNoise<
             run_fastest(Filter { task, noisy, guide, noise, window, cosines, sums: &mut found });
             found
         });
-        // In the order of the tasks: the same sums on any number of threads.
+        // Added in the order of the tasks, so that the sums are the same on any number of threads.
         for sums in filtered.collect::<Vec<Sums>>() {
             let from = sums.first_row * size.width;
             let add = |to: &mut Plane, what: &[f32]| {

@@ -15,9 +15,9 @@ use crate::frame::{Channel, Size};
 
 /// Number of frequencies per axis at which a transfer function is sampled.
 const FREQUENCIES: usize = 64;
-/// Non-redundant frequencies of a real function.
+/// Number of non-redundant frequencies of a real function.
 const HALF: usize = FREQUENCIES / 2 + 1;
-/// Level of the detail mask with cells of a block's size.
+/// Level of the detail mask whose cells have a block's size.
 const MASK_LEVEL: usize = 2;
 
 /// Power transfer functions |H|² of the functions of a lens.
@@ -124,7 +124,7 @@ impl<'a> BlockNoise<'a> {
     /// The sum of independent noises with the given weights, at the positions of the first.
     ///
     /// # Panics
-    /// When there is none, or their numbers of positions differ.
+    /// When `of` is empty, or its members differ in their number of positions.
     #[must_use]
     pub fn mixed(of: &[(f32, &BlockNoise<'a>)]) -> BlockNoise<'a> {
         let mut mixed = of[0].1.clone();
@@ -149,7 +149,7 @@ impl<'a> BlockNoise<'a> {
         BlockNoise { margin_px, ..self }
     }
 
-    /// The same noise, assumed larger where `mask` is flat.
+    /// The same noise, assumed larger where the photo is flat by `mask`.
     #[must_use]
     pub fn masked(self, mask: &'a DetailMask) -> Self {
         BlockNoise { mask: Some(mask), ..self }
@@ -172,7 +172,7 @@ impl<'a> BlockNoise<'a> {
     }
 }
 
-/// |DFT|² of each basis function at the non-redundant frequencies, over [`FREQUENCIES`].
+/// |DFT|² of each basis function at the non-redundant frequencies, divided by [`FREQUENCIES`].
 fn basis_powers() -> [[f32; HALF]; SIDE] {
     std::array::from_fn(|i| {
         std::array::from_fn(|f| {
@@ -223,8 +223,8 @@ mod tests {
     fn variances_are_large_where_the_lens_passes_little() {
         let noise = BlockNoise::deconvolved(&Passed::of(&bell(), Channel::Green), 1.0, 25.0);
         let (table, _) = noise.at(0, 0, Size::new(40, 30));
-        // By an independent program: the mean, the finest along x and the finest along y, stored
-        // transposed.
+        // Computed by an independent program: the mean, the finest along x and the finest along y,
+        // stored transposed.
         for (k, wanted) in [(0, 3.8041), (7 * SIDE, 24.9770), (7, 23.6815)] {
             assert!((table[k] - wanted).abs() < 0.01, "{k}: {}, {wanted}", table[k]);
         }

@@ -6,10 +6,10 @@ use super::transform::SIDE;
 use crate::frame::instructions::{Kernel, multiply_add, run_fastest};
 use crate::frame::{Plane, Size};
 
-/// Blocks that the filter takes in a group.
+/// Maximum number of blocks in a group that the filter supports.
 const GROUP_MAX: usize = 16;
 
-/// Rows of reference blocks per task, for any number of threads.
+/// Rows of reference blocks per task, independent of the number of threads.
 pub(super) const ROWS_A_TASK: usize = 8;
 
 /// Parameters of the search.
@@ -121,7 +121,7 @@ pub(super) fn grid(length: usize, step: usize, offset: usize) -> Vec<usize> {
     places
 }
 
-/// Blocks compared at a time, one beside the other.
+/// Number of adjacent blocks compared at a time.
 const AT_A_TIME: usize = 8;
 
 struct SearchTask<'a> {
@@ -195,8 +195,9 @@ fn block(picture: &Plane, x: usize, y: usize) -> [[f32; SIDE]; SIDE] {
 /// A block's difference from the reference, and its place.
 type SimilarBlock = (f32, (u32, u32));
 
-/// Inserts `block` into `found`, in order and behind its equals, unless `most` are as similar.
-/// Returns the largest difference that the next block may have, `worst` while there are fewer.
+/// Inserts `block` into `found`, in order and behind its equals, unless `most` blocks are at least
+/// as similar. Returns the largest difference that the next block may have: `worst` while `found`
+/// holds fewer than `most`.
 #[inline(always)]
 fn insert(found: &mut Vec<SimilarBlock>, most: usize, block: SimilarBlock, worst: f32) -> f32 {
     if found.len() == most {
@@ -226,8 +227,8 @@ fn is_any_within(values: &[f32; AT_A_TIME], most: f32) -> bool {
     is_any
 }
 
-/// [`difference`] of the eight blocks from (`x`, `y`) on, a block in each lane; the same sums in
-/// the same order.
+/// [`difference`] of eight blocks, the first at (`x`, `y`) and the others to its right, one in each
+/// lane; the same sums in the same order.
 #[inline(always)]
 fn differences<const FUSED: bool>(
     reference: &[[f32; SIDE]; SIDE],

@@ -1,7 +1,7 @@
 //! The orthonormal transform of a group: the cosine transform of each 8×8 block, and the Haar
 //! transform along the group.
 //!
-//! Coefficients are stored transposed, which saves a transposition and makes no difference.
+//! Coefficients are stored transposed, which saves a transposition and does not change the result.
 
 use crate::frame::instructions::{multiply_add, transposed};
 
@@ -121,13 +121,13 @@ pub(super) fn haar_inverse<const N: usize>(group: &mut [[f32; N]]) {
     }
 }
 
-/// (a, b) → ((a + b)/√2, (a − b)/√2) for parts `apart`; its own inverse.
+/// (a, b) → ((a + b)/√2, (a − b)/√2) for parts at a distance of `apart`; its own inverse.
 #[inline(always)]
 fn pairs<const N: usize>(group: &mut [[f32; N]], apart: usize) {
     let mut first = 0;
     while first + apart < group.len() {
         let (a, b) = (group[first], group[first + apart]);
-        // One vector after the other, or the compiler mixes them up.
+        // Two separate loops, or the compiler interleaves the two vectors.
         let (mut sum, mut difference) = ([0.0; N], [0.0; N]);
         for i in 0..N {
             sum[i] = (a[i] + b[i]) * std::f32::consts::FRAC_1_SQRT_2;

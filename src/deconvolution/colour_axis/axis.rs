@@ -4,14 +4,15 @@
 const DARK: f32 = 8.0;
 /// Prior variance along the mean colour, in noise variances, for flat places.
 const FLAT: f32 = 4.0;
-/// κ = STRICT/√(ρ + 10⁻⁴), within [`STRICTNESS`].
+/// κ = STRICT/√(ρ + 10⁻⁴), clamped to the range [`STRICTNESS`].
 const STRICT: f32 = 0.3;
 const STRICTNESS: (f32, f32) = (2.0, 16.0);
 /// ρ at which the linearity is one half.
 const HALF_A_LINE: f32 = 0.05;
-/// Cosines of 2° and 4°: within the first of the mean colour's direction the axis snaps to it.
+/// Cosines of 2° and 4°: an axis within 2° of the mean colour's direction snaps to it, one beyond
+/// 4° stays, one between is mixed.
 const SNAPPED: (f32, f32) = (0.999_391, 0.997_564);
-/// Squarings of the covariance: ratios of eigenvalues to the 128th power.
+/// Number of squarings of the covariance, which raise ratios of eigenvalues to the 128th power.
 const SQUARINGS: usize = 7;
 
 /// The colour axis of a place.
@@ -29,8 +30,8 @@ impl LocalAxis {
     /// The axis of colours of the given mean and covariance (rr, rg, rb, gg, gb, bb), with a noise
     /// σ of `noise` grey levels.
     ///
-    /// ρ is the power off the principal direction over that along it. Where it is large the axis
-    /// tends to grey, the direction of most changes in a scene.
+    /// ρ is the ratio of the power off the principal direction to that along it. Where ρ is large
+    /// the axis tends to grey, the direction of most changes in a scene.
     pub(super) fn of(mean: [f32; 3], covariance: [f32; 6], noise: f32) -> LocalAxis {
         let of_mean = unit(mean.map(|v| v.max(0.0) + DARK));
         let [rr, rg, rb, gg, gb, bb] = covariance;
@@ -56,7 +57,7 @@ impl LocalAxis {
     }
 }
 
-/// The principal eigenvector of a positive semidefinite matrix; some unit vector for zero.
+/// The principal eigenvector of a positive semidefinite matrix; grey for the zero matrix.
 fn first_direction(mut power: [[f32; 3]; 3]) -> [f32; 3] {
     for _ in 0..SQUARINGS {
         let total = (power[0][0] + power[1][1] + power[2][2]).max(f32::MIN_POSITIVE);

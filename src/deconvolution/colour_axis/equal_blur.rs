@@ -8,11 +8,11 @@ use crate::frame::{Channel, Frame, Plane, Work};
 
 /// Side of a cell, pixels: that of a detail of the second level.
 const CELL_PX: usize = 4;
-/// σ of the smoothing before products are taken, in widths of the equal blur. The study's 1.5
-/// pixels on its rig.
+/// σ of the smoothing before products are taken, in widths of the equal blur: 1.5 pixels on the rig
+/// of the study.
 const SMOOTHED: f32 = 0.5;
-/// σ of the window of the local statistics, in widths of the equal blur. The study's 5 pixels;
-/// between 3 and 8 it does not matter.
+/// σ of the window of the local statistics, in widths of the equal blur: 5 pixels in the study,
+/// where any value between 3 and 8 did as well.
 const REACH: f32 = 1.7;
 
 /// Local means and covariances of the colours, in cells of [`CELL_PX`].

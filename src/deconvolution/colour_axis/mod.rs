@@ -41,7 +41,7 @@ pub struct ColourAxes {
 struct AxisMap {
     /// Details per cell along each side: 2 at the finest level, 1 at others.
     details: usize,
-    /// u, a plane per channel.
+    /// Unit vector u of the axis, one plane per channel.
     direction: [Plane; 3],
     /// κ, the factor on thresholds off the axis.
     strictness: Plane,
@@ -66,7 +66,7 @@ impl ColourAxes {
         ColourAxes { levels: maps }
     }
 
-    /// Projects the details of `picture` on the axes, by the share that colours are linear;
+    /// Projects the details of `picture` on the axes, to the degree that the colours are linear;
     /// `passed` is the power transmission α of each level and channel, finest level first.
     ///
     /// # Panics

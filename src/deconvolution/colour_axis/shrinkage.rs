@@ -61,9 +61,9 @@ impl Channelwise {
 /// A choice of shifts.
 #[derive(Clone, Copy)]
 enum SpinShift {
-    /// One shift of the whole transform.
+    /// One shift of the whole transform, in columns and rows.
     Shift((usize, usize)),
-    /// At this step, one of the two quincunxes of the finest level in turn, all shifts of the
+    /// The shifts of a step: the two quincunxes of the finest level take turns; all shifts of the
     /// second level, and one of each coarser level.
     Spun(usize),
 }
@@ -98,7 +98,7 @@ impl AlongAxes {
         AlongAxes { size, levels }
     }
 
-    /// The levels with buffers as large as twelve planes, which do not outlast an operation.
+    /// The levels, with buffers as large as twelve planes, which are freed after each operation.
     fn levels(&self) -> Vec<OneLevel> {
         let mut of_level = self.size;
         let levels = (0..self.levels).map(|_| {
@@ -129,10 +129,11 @@ impl AlongAxes {
     }
 
     /// Replaces `planes` by the mean of their shrunk versions over half of the finest level's
-    /// shifts, the other half at the next step, all of the second level's, and one of each coarser
-    /// level's, chosen by `step_index`.
+    /// shifts (the next step takes the other half), all of the second level's, and one of each
+    /// coarser level's, chosen by `step_index`.
     ///
-    /// All shifts of the finest level at each step take twice as long and gain at most 0.0001 SSIM.
+    /// Taking all shifts of the finest level at each step costs twice the time and gains at most
+    /// 0.0001 SSIM.
     pub fn shrink_spun(
         &self,
         planes: &mut [Plane; 3],
@@ -165,8 +166,8 @@ impl AlongAxes {
     }
 }
 
-/// Applies `operation` to the details of `planes`, the input of `level`, and to those of the
-/// coarser levels; the mean over the shifts of `spin`.
+/// Applies `operation` to the details of `planes`, the input of `level`, and of all coarser levels;
+/// `planes` become the mean over the shifts of `spin`.
 fn apply(
     levels: &mut [OneLevel],
     level: usize,
@@ -239,9 +240,9 @@ fn shrink(bands: [&mut Plane; 3], axes: &ColourAxes, thresholds: Thresholds<'_>,
     shrink_band(bands, &axes.levels[level], (weight, passed), thresholds.mask.factors(level));
 }
 
-/// Shrinks the details of one band: with y = Σ αud / Σ αu² and r = d − y·u, y by the threshold over
-/// the root mean power of the 3×3 about it, r by κ times the threshold over that of its vectors.
-/// The threshold is `weight` / Σ αu², times `factors` pixel by pixel.
+/// Shrinks the details d of one band. With y = Σ αud / Σ αu², r = d − y·u and the threshold t =
+/// `weight` / Σ αu², times `factors` pixel by pixel, y is multiplied by max(0, 1 − t/RMS) with the
+/// RMS of y over the 3×3 details about it, and r likewise with κ·t and the RMS length of r.
 pub(super) fn shrink_band(
     bands: [&mut Plane; 3],
     map: &AxisMap,
@@ -266,7 +267,7 @@ struct ShrinkAlong<'a> {
 /// The axes of one row of details.
 struct AxisRow {
     direction: [Vec<f32>; 3],
-    /// κ, or the linearity.
+    /// κ or the linearity, as passed to [`AxisRow::fill`].
     other: Vec<f32>,
 }
 

@@ -17,7 +17,7 @@ fn found(functions: &LensFunctions, photo: &Observation) -> Option<ColourFocus> 
     ColourFocus::of(&lens(functions), photo)
 }
 
-/// Shares of lenses.
+/// Shares of the lenses that took the photos.
 const SHARES: [ColourFocus; 4] = [
     ColourFocus { red_green: 0.0, blue: 0.0 },
     ColourFocus { red_green: 0.2, blue: 0.1 },

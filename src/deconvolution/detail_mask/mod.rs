@@ -4,8 +4,9 @@
 //! The lens removes the finest details of the scene, so the finest details of the photo are noise,
 //! whose local variance is measured there ([`super::data_term::noise_of`] does so for a whole
 //! photo). Where the local variance of pixels does not exceed that of the noise the place is flat,
-//! and thresholds are raised ([`DetailMask::factors`]). Texture as faint as the noise does not show
-//! in single pixels but in means over cells of 4×4, for the lens left it coarse.
+//! and thresholds are raised ([`DetailMask::factors`]). Texture as faint as the noise shows in
+//! means over cells of 4×4 pixels, though not in single pixels, because the lens has left only
+//! coarse texture.
 
 mod texture;
 
@@ -18,18 +19,20 @@ use crate::frame::{Plane, Size};
 /// Side of a block, the unit of the mask: the size of a detail of the finest level.
 const BLOCK_PX: usize = 2;
 /// Blocks of the surroundings on either side: wider than a blur, so that places beside an edge are
-/// not flat, and enough pixels for a variance within 7 %.
+/// not flat, and large enough for a variance within 7 %.
 const REACH: usize = 5;
-/// Variance over noise variance below which a place is flat; measured (tests/tables/constants.md).
+/// Ratio of local variance to noise variance below which a place is flat; measured
+/// (tests/tables/constants.md).
 const FLAT: f32 = 2.0;
-/// Variance over noise variance above which a place has details. Measured, ibid.
+/// Ratio of local variance to noise variance above which a place has details. Measured, ibid.
 const DETAILED: f32 = 10.0;
-/// Variance of cells over the noise's below which a place is flat: noise has 1 ± 0.2, and at most
-/// 2.5 anywhere in 12 megapixels. Measured, ibid.
+/// Ratio of the variance of cells to that of the noise below which a place is flat. Noise alone
+/// gives 1 ± 0.2, and at most 2.5 anywhere in 12 megapixels. Measured, ibid.
 const FLAT_CELLS: f32 = 2.5;
-/// Variance of cells over the noise's above which a place has details. Measured, ibid.
+/// Ratio of the variance of cells to that of the noise above which a place has details. Measured,
+/// ibid.
 const DETAILED_CELLS: f32 = 3.5;
-/// Minimum share of valid cells in the surroundings.
+/// Minimum share of valid cells in the surroundings for their variance to be used.
 const CELLS_LEAST: f32 = 0.5;
 /// Growth of thresholds where a place is flat; 6 and 12 differ by less than 0.001 SSIM on any
 /// scene.
@@ -53,16 +56,16 @@ pub struct NoisyPlane<'a> {
 pub struct DetailMask {
     /// Factors of each level at the size of its details, finest first.
     factors: Vec<Plane>,
-    /// Local variance over the noise's in each block, maximum over the channels.
+    /// Ratio of local variance to noise variance in each block, maximum over the channels.
     activity: Plane,
-    /// Maximum of the pixels' variance over the noise's; 0 without valid pixels.
+    /// Maximum ratio of the pixels' local variance to the noise variance; 0 without valid pixels.
     peak: f32,
 }
 
 impl DetailMask {
     /// The mask of a photo of `planes` for `levels` levels of details. The channel with the most
-    /// details decides; thresholds scale with the local noise σ. Pixels of `raw` planes are valid
-    /// at the sites of a mosaic.
+    /// details decides; thresholds scale with the local noise σ. In `raw` planes only the sites of
+    /// a mosaic are valid pixels.
     pub fn of(planes: &[NoisyPlane<'_>], levels: usize, raw: bool) -> DetailMask {
         let size = planes.first().map_or(Size::default(), |plane| blocks(plane.light.size()));
         let (activities, all_ratios): (Vec<Activity>, Vec<Plane>) = planes
@@ -100,8 +103,8 @@ impl DetailMask {
         DetailMask { factors, activity, peak }
     }
 
-    /// Whether pixels nowhere vary by more than noise. Cells are ignored: without an estimate of
-    /// the noise apart from details they would always find some.
+    /// Whether pixels nowhere vary by more than noise. Cells are ignored: without a noise estimate
+    /// independent of details, some would always seem to have details.
     pub fn is_flat(&self) -> bool {
         self.peak <= FLAT
     }
@@ -121,7 +124,8 @@ fn halve_by_max(plane: &Plane) -> Plane {
     of_each_four(plane, |[a, b, c, d]| a.max(b).max(c).max(d))
 }
 
-/// Sums over blocks of the `values` at each pixel of a plane of `size`; `None` does not count.
+/// Sums over blocks of the `values` at each pixel of a plane of `size`; pixels with `None` are
+/// omitted.
 fn block_sums<const N: usize>(
     size: Size,
     values: impl Fn(usize, usize) -> Option<[f32; N]>,
@@ -137,7 +141,7 @@ fn block_sums<const N: usize>(
     sums
 }
 
-/// Noise σ in the surroundings of each block over that at the mean light.
+/// Ratio of the noise σ in each block's surroundings to the noise σ at the mean light.
 fn noise_ratios(plane: &NoisyPlane<'_>) -> Plane {
     let blocks = blocks(plane.light.size());
     if plane.dark_light.is_infinite() {
@@ -157,11 +161,11 @@ fn noise_ratios(plane: &NoisyPlane<'_>) -> Plane {
 const RATIO_LEAST: f32 = 0.3;
 const RATIO_MOST: f32 = 4.0;
 
-/// Local variance over the noise's in each block.
+/// Ratio of local variance to noise variance in each block.
 struct Activity {
-    /// Of pixels; infinite without valid pixels.
+    /// Ratio for single pixels; infinite without valid pixels.
     pixels: Plane,
-    /// Of means over cells, on the same scale; below [`FLAT`] with too few valid cells.
+    /// Ratio for means over cells, on the same scale; below [`FLAT`] with too few valid cells.
     cells: Plane,
 }
 
@@ -212,7 +216,7 @@ fn activity(plane: &NoisyPlane<'_>, ratios: &Plane, raw: bool) -> Activity {
         if pixels == 0.0 {
             return f32::INFINITY;
         }
-        // Without the variance of a slope: shading is no detail.
+        // The variance due to a slope is subtracted: shading is no detail.
         let (left, right) = (x.saturating_sub(REACH), (x + REACH).min(blocks.width - 1));
         let (above, below) = (y.saturating_sub(REACH), (y + REACH).min(blocks.height - 1));
         let along_x = slope(mean(left, y), mean(right, y), right - left);
@@ -228,7 +232,7 @@ fn activity(plane: &NoisyPlane<'_>, ratios: &Plane, raw: bool) -> Activity {
     Activity { pixels, cells }
 }
 
-/// Scale from the variance of cells to that of pixels.
+/// Factor that converts the ratio for cells to that for pixels.
 const CELLS_AS_PIXELS: f32 = (DETAILED - FLAT) / (DETAILED_CELLS - FLAT_CELLS);
 
 /// Local variance of cells of 2×2 blocks about their four neighbours, as the pixel variance of
@@ -266,9 +270,9 @@ fn cell_variances(count: &Plane, sum: &Plane) -> Plane {
     })
 }
 
-/// Minimum of the measured noise σ, as a share of the noise law's.
+/// Minimum of the measured noise σ, relative to the noise law's.
 const LEAST_SHARE: f32 = 0.5;
-/// Maximum of the measured noise power of a mosaic's sites, over the noise law's. Guess.
+/// Maximum noise power measured at a mosaic's sites, relative to the noise law's. Guess.
 const MOST_POWER: f32 = 2.0;
 
 /// Sums over the surroundings, squares of 2·[`REACH`] + 1 blocks.

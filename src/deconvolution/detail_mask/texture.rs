@@ -13,18 +13,20 @@ use crate::frame::Plane;
 
 // All six were set together on ten scenes through two lenses (`tests/tables/constants.md`).
 
-/// Variance of the residual's cells over the noise's at which thresholds begin to be lowered; noise
+/// Cell variance of the residual over noise variance above which thresholds are lowered; noise
 /// alone has 1 ± 0.2.
 const DRAWN_AWAY: f32 = 1.1;
-/// Variance at which they are lowered fully.
+/// Cell variance over noise variance from which on thresholds are lowered fully.
 const ALL_DRAWN_AWAY: f32 = 1.5;
-/// Variance beyond that of a faint texture, where the effect begins to decrease.
+/// Cell variance over noise variance, beyond that of a faint texture, above which the lowering
+/// fades.
 const TOO_MUCH: f32 = 1.8;
-/// Variance at which it ends.
+/// Cell variance over noise variance from which on thresholds are not lowered.
 const NO_TEXTURE: f32 = 2.5;
-/// Variance of the photo over its noise's up to which a texture is faint.
+/// Ratio of the photo's local variance to its noise variance up to which a texture is faint.
 const FAINT: f32 = 300.0;
-/// Variance of the photo over its noise's from which the residual has other causes.
+/// Ratio of the photo's local variance to its noise variance from which the residual has other
+/// causes than a removed texture.
 const STRONG: f32 = 1000.0;
 
 impl DetailMask {

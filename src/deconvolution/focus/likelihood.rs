@@ -11,8 +11,8 @@
 
 use super::spectra::{Frequencies, TileSpectrum};
 
-/// Shape ν. Guess: with 0.7 the offsets found on small.toml differ by 0.01 dioptres and one of 24
-/// is no longer significant; with ∞ (Whittle) they differ by 0.06.
+/// Shape ν. Guess: with 0.7 the offsets found on small.toml change by 0.01 dioptres and one of 24
+/// is no longer significant; with ∞ (Whittle) they change by 0.06.
 const NU: f32 = 1.5;
 /// Maximum rounds of Fisher scoring.
 const ROUNDS: usize = 8;
@@ -56,7 +56,7 @@ pub(super) fn likeliest(
         if cost < best {
             (best, kept) = (cost, *scene);
         } else {
-            // Overshoot: back by half.
+            // Overshoot: go back halfway.
             scene.ln_power = (scene.ln_power + kept.ln_power) / 2.0;
             scene.exponent = (scene.exponent + kept.exponent) / 2.0;
             continue;
@@ -72,8 +72,8 @@ pub(super) fn likeliest(
     best
 }
 
-/// Power over noise power at the frequencies where a `scene` behind a lens of power transfer
-/// function `passed` contributes less than `share` of the noise.
+/// Ratios of power to noise power at the frequencies where a `scene` behind a lens of power
+/// transfer function `passed` contributes less than `share` of the noise.
 pub(super) fn noise_alone<'a>(
     at: &'a Frequencies,
     spectrum: &'a TileSpectrum,
@@ -129,7 +129,7 @@ pub(super) fn scored(
         information[2] += b * b;
     }
     let [aa, ab, bb] = information;
-    // Regularised: a tile of noise alone has no information on the scene.
+    // Regularised, since a tile of noise alone has no information on the scene.
     let (aa, bb) = (aa + 1e-3, bb + 1e-3);
     let determinant = (aa * bb - ab * ab).max(1e-9);
     let step = [

@@ -1,8 +1,8 @@
 //! Estimate of a photo's defocus from the photo alone, before any capture.
 //!
 //! The lens is measured at a few *focus offsets* δ = 1/z − 1/z₀, in dioptres (1/m), where z₀ is the
-//! panel's distance and z the object's; positive δ is nearer. Point spread functions at other
-//! offsets are interpolated tap by tap ([`LensFunctions::between`]).
+//! panel's distance and z the object's; δ is positive for nearer objects. Point spread functions at
+//! other offsets are interpolated tap by tap ([`LensFunctions::between`]).
 //!
 //! The model of a photo's spectrum at δ is the scene's power law (Field 1987, JOSA A 4:2379) times
 //! the lens's power transfer function at δ, plus white noise. The estimate maximises the likelihood
@@ -26,8 +26,8 @@ use spectra::{TilePlace, TileSpectrum, Tiles, Transfers};
 /// Candidates per interval between two measured offsets.
 const STEPS: usize = 4;
 /// Minimum mean gain in log likelihood per tile over the panel's focus, in standard errors of that
-/// mean. On small.toml photographs at the panel's focus reach 0.7 to 2.1, photos from 3.2 to 8 m
-/// 2.7 to 17.
+/// mean. On small.toml, photos taken at the panel's focus reach 0.7 to 2.1, and photos taken from
+/// 3.2 to 8 m reach 2.7 to 17.
 const STANDARD_ERRORS: f64 = 2.5;
 /// Minimum number of tiles for a standard error.
 const TILES_MIN: usize = 8;
@@ -35,7 +35,7 @@ const TILES_MIN: usize = 8;
 /// A lens measured at several focus offsets.
 #[derive(Debug, Clone)]
 pub struct FocusSeries<'a> {
-    /// Offset in dioptres, ascending, and functions.
+    /// Offset in dioptres and functions of each measurement, by ascending offset.
     members: Vec<(f32, &'a LensFunctions)>,
 }
 
@@ -140,8 +140,8 @@ struct TriedFocus {
     share: f32,
 }
 
-/// `map` over the tiles of `photo`, each with its spectra and the transfer functions of `members`
-/// there; empty where too few tiles have data.
+/// Results of `map` for the tiles of `photo`; it is given a tile's spectra and the transfer
+/// functions of `members` there. Empty if too few tiles have data.
 fn map_tiles<T: Send>(
     photo: &FocusData<'_>,
     members: &[&LensFunctions],
@@ -164,7 +164,7 @@ fn sums(costs: &[Vec<f64>], tried: usize) -> Vec<f64> {
     (0..tried).map(|n| costs.iter().map(|tile| tile[n]).sum()).collect()
 }
 
-/// Standard errors of the tiles' mean by which an `alternative` costs less than `first`.
+/// Mean gain per tile of an `alternative` over `first`, in standard errors of that mean.
 fn errors_for(costs: &[Vec<f64>], first: usize, alternative: usize) -> f64 {
     let gains: Vec<f64> = costs.iter().map(|tile| tile[first] - tile[alternative]).collect();
     if gains.is_empty() { 0.0 } else { standard_errors(&gains) }

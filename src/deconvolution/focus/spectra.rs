@@ -36,7 +36,7 @@ pub struct FocusData<'a> {
     pub mosaic: Option<Mosaic>,
     /// Channels present.
     pub channels: Channels,
-    /// Standard deviation of a pixel's (of raw data, a site's) noise at a light, grey levels.
+    /// Noise σ of a channel's pixel (in raw data, of a site) at a given light, grey levels.
     pub noise: &'a (dyn Fn(Channel, f32) -> f32 + Sync),
 }
 
@@ -45,9 +45,9 @@ pub struct FocusData<'a> {
 pub(super) enum Folding {
     /// Every pixel is sampled.
     Whole,
-    /// Every other, in a checkerboard.
+    /// Every other pixel is sampled, in a checkerboard.
     Quincunx,
-    /// One of four.
+    /// One pixel in four is sampled.
     OneOfFour,
 }
 
@@ -84,7 +84,7 @@ pub(super) struct Tiles {
     side: usize,
     window: Vec<f32>,
     fft: Arc<dyn Fft<f32>>,
-    /// Of each [`Folding`].
+    /// Frequencies used for each [`Folding`].
     frequencies: [Frequencies; 3],
     places: Vec<TilePlace>,
 }
@@ -137,8 +137,8 @@ impl Tiles {
         &self.frequencies[folding as usize]
     }
 
-    /// The spectrum of `channel` at `place`; `None` where data are missing or saturated,
-    /// as outside the photo.
+    /// The spectrum of `channel` at `place`; `None` if the tile is not wholly inside the photo, has
+    /// no data, or has too many saturated pixels.
     pub(super) fn spectrum(
         &self,
         photo: &FocusData<'_>,
@@ -207,10 +207,10 @@ fn ln_frequencies(side: usize) -> Arc<[f32]> {
 impl Frequencies {
     fn of(side: usize, folding: Folding, ln: &Arc<[f32]>) -> Frequencies {
         let half = side / 2;
-        // Mutual aliases; the extent without them and without the conjugate half of a real
-        // spectrum; the highest frequency used, cycles per pixel: aliases onto lower ones are weak.
-        // Edges put their power along lines in frequency, whose aliases an isotropic scene does not
-        // explain.
+        // The shifts between mutual aliases; width and height of the spectrum without aliases and
+        // without the conjugate half of a real spectrum; the highest frequency used, cycles per
+        // pixel, up to which aliases are weak. Edges put their power along lines in frequency,
+        // whose aliases an isotropic scene does not explain.
         let (shifts, width, height, highest): (&[(usize, usize)], _, _, f32) = match folding {
             Folding::Whole => (&[(0, 0)], half + 1, side, 1.0),
             Folding::Quincunx => (&[(0, 0), (half, half)], half, side, 0.42),

@@ -1,10 +1,10 @@
 //! Spectral check of a photo's noise and lens.
 //!
-//! A solution explains a photo of a sharper lens as well as one of the measured lens: it
-//! overshoots, and the lens hides that. But the power of its scene would rise where the measured
-//! lens passes little, and scenes' power falls with frequency. The check asks which hypothesis
-//! makes the tiles' spectra likeliest: lens and sensor as measured, a noisier sensor, or a narrower
-//! lens.
+//! A photo taken through a sharper lens can be explained as well as one taken through the measured
+//! lens: the solution overshoots, and the measured lens hides that. But then the solution's power
+//! would rise at frequencies of which the measured lens passes little, whereas the power of scenes
+//! falls with frequency. The check asks which hypothesis makes the tiles' spectra likeliest: lens
+//! and sensor as measured, a noisier sensor, or a narrower lens.
 
 use super::likelihood::{PowerLaw, likeliest, noise_alone};
 use super::spectra::{FocusData, TileSpectrum, Tiles, Transfers};
@@ -12,32 +12,33 @@ use super::{errors_for, least, map_tiles, sums};
 use crate::deconvolution::lens_model::LensFunctions;
 use crate::frame::Channel;
 
-/// Factor of the alternatives: twice the noise σ, half the width of the lens. Guess: on the
-/// laboratory's group of limits charts are likeliest with 1.5 times the noise.
+/// Factor of the alternative hypotheses: twice the noise σ, half the width of the lens. Guess: on
+/// the laboratory's group of limits, 1.5 times the noise is likeliest for charts.
 const ALTERNATIVE: f32 = 2.0;
-/// Largest plausible noise σ over the sensor's: four stops of gain.
+/// Largest plausible noise σ relative to the sensor's: four stops of gain.
 pub const NOISE_MAX: f32 = 16.0;
-/// Power of the scene, over the noise's, up to which a frequency shows the noise alone.
+/// Ratio of the scene's power to the noise power up to which a frequency is taken for noise alone.
 const NOISE_ALONE: f32 = 0.1;
-/// Least number of such frequencies in a tile.
+/// Minimum number of frequencies of noise alone for a tile to be used.
 const ALONE_MIN: usize = 32;
-/// Width of a lens out of focus, over the measured one's: it must not be likelier than the narrower
-/// lens.
+/// Width of a defocused lens relative to the measured one. A lens is found sharper only if the
+/// narrower lens is likelier than this one.
 const BLURRED: f32 = 1.5;
 /// Standard errors of the tiles' mean by which twice the noise must be likelier. On the
-/// laboratory's group of limits it is by 4.1 at most for ordinary photos (a chart) and by 8.0 at
-/// least for noisier ones.
+/// laboratory's group of limits, ordinary photos reach at most 4.1 (a chart) and noisier ones at
+/// least 8.0.
 const NOISE_ERRORS: f64 = 5.5;
-/// The same of half the width: on that group by 0.7 and 2.8 (at half the distance) at most, and by
-/// 5.5 for one of two photos through the lens stopped down.
+/// Standard errors of the tiles' mean by which half the width must be likelier. On that group,
+/// photos reach at most 0.7, at half the distance at most 2.8, and one of two photos through the
+/// lens stopped down reaches 5.5.
 const LENS_ERRORS: f64 = 4.0;
 
-/// What the spectrum of a photo contradicts.
+/// A property of the rig that the spectrum of a photo contradicts.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum SpectralFinding {
-    /// The sensor's noise: factors on its power without light and on that of the light.
+    /// The sensor's noise. Factors on its power without light and on the power that light adds.
     Noisier([f32; 2]),
-    /// The lens: a much narrower one is likelier.
+    /// The lens: a much narrower one than measured is likelier.
     SharperLens,
 }
 
@@ -67,8 +68,8 @@ pub fn check_spectrum(
     (sums(&first, 2)[1] < blurred).then_some(SpectralFinding::SharperLens)
 }
 
-/// Factors on the sensor's noise power without light and on that of the light, as `photo` shows
-/// them.
+/// Factors on the sensor's noise power without light and on that of the light, estimated from
+/// `photo`.
 fn noise_factors(functions: &LensFunctions, photo: &FocusData<'_>) -> Option<[f32; 2]> {
     let half_stops = 2 * NOISE_MAX.log2() as i32;
     let tried: Vec<TriedSource> = (0..=half_stops)
@@ -113,9 +114,9 @@ fn costs(functions: &LensFunctions, photo: &FocusData<'_>, tried: &[TriedSource]
 
 /// Noise power of a tile.
 struct TileNoise {
-    /// The sensor's without light, and that of the tile's light.
+    /// The sensor's noise power without light, and that of the tile's light.
     own: [f32; 2],
-    /// The measured power.
+    /// The measured noise power.
     found: f32,
 }
 
@@ -163,7 +164,7 @@ fn fit_factors(tiles: &[TileNoise]) -> Option<[f32; 2]> {
         (found[0] * own[1][1] - found[1] * own[0][1]) / determinant,
         (found[1] * own[0][0] - found[0] * own[1][0]) / determinant,
     ];
-    // A negative factor is replaced by a fit of the other alone.
+    // A negative factor is set to 0 and the other one fitted alone.
     let alone = |n: usize| found[n] / own[n][n];
     let powers = match both {
         [black, light] if black >= 0.0 && light >= 0.0 => both,

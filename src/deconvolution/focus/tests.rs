@@ -204,7 +204,7 @@ fn noise_above_the_sensor_s_is_estimated() {
     // Through a wide lens and a narrow one.
     for offset in [0.03, 0.0] {
         let lens = gaussians(offset);
-        // Factors in the dark and on the light's: none, small, more gain, more read noise.
+        // Factors on the power in the dark and on the light's: none, small, gain, both, read noise.
         for (seed, [black, light]) in [
             (21, [1.0, 1.0]),
             (22, [2.0, 2.0]),

@@ -6,9 +6,9 @@
 
 use crate::frame::{at_step, step_of};
 
-/// Samples of ē over light, spaced as squares: dense in the dark.
+/// Intervals between the samples of ē over light, spaced as squares: dense in the dark.
 const PLACES: usize = 4096;
-/// Samples of its inverse over codes.
+/// Intervals between the samples of the inverse of ē over codes.
 const CODES: usize = 2048;
 /// Largest code, and full scale of light.
 const TOP: f32 = 255.0;
@@ -19,20 +19,20 @@ const PARTS: i32 = 20;
 /// Samples to either side over which the slope is taken.
 const BESIDE: usize = 16;
 
-/// ē: codes 0..255 of light 0..255, and its inverse.
+/// Expected code ē, 0..255, as a function of light 0..255, and its inverse.
 #[derive(Debug, Clone)]
 pub(super) struct CodeCurve {
     /// ē at each sample.
     codes: Vec<f32>,
-    /// σ of the code there.
+    /// σ of the code at each sample.
     deviations: Vec<f32>,
     /// Light of each sampled code, extrapolated beyond black and full scale.
     light: Vec<f32>,
 }
 
 impl CodeCurve {
-    /// The curve of a camera whose 256 codes decode to `light` (rising), with noise σ `sigma` at a
-    /// light, both grey levels; `None` for another number of codes.
+    /// Creates the curve of a camera whose 256 codes decode to `light` (rising) and whose noise σ
+    /// at a light is `sigma`, both in grey levels; `None` for another number of codes.
     pub(super) fn new(light: &[f32], sigma: &dyn Fn(f32) -> f32) -> Option<CodeCurve> {
         if light.len() != TOP as usize + 1 {
             return None;
@@ -75,7 +75,7 @@ impl CodeCurve {
         light_at(above - 1) + share * (light_at(above) - light_at(above - 1))
     }
 
-    /// ē of `light`, within 0..255.
+    /// Expected code ē of `light`, within 0..255.
     #[inline(always)]
     pub(super) fn encode(&self, light: f32) -> f32 {
         at_step(&self.codes, place_of(light))
@@ -92,11 +92,12 @@ impl CodeCurve {
         at_step(&self.deviations, place_of(light))
     }
 
-    /// ē′ at `light`: codes for each grey level of light.
+    /// Slope ē′ at `light`, codes per grey level.
     pub(super) fn slope(&self, light: f32) -> f32 {
         let place = place_of(light) as usize;
         let (low, high) = (place.saturating_sub(BESIDE), (place + BESIDE).min(PLACES));
-        // On a flat part a code determines no light; a thousand levels bound the slope.
+        // Where the curve is flat a code determines no light; the slope is at least a code per
+        // thousand grey levels.
         ((self.codes[high] - self.codes[low]) / (light_at(high) - light_at(low))).max(1e-3)
     }
 }
@@ -105,7 +106,7 @@ fn light_at(place: usize) -> f32 {
     TOP * (place as f32 / PLACES as f32).powi(2)
 }
 
-/// The sample of `light`, with its fraction.
+/// Index of the sample at `light`, with its fraction.
 #[inline(always)]
 fn place_of(light: f32) -> f32 {
     (light.clamp(0.0, TOP) / TOP).sqrt() * PLACES as f32

@@ -1,27 +1,28 @@
 //! Detection of a JPEG made from another JPEG with coarser steps, on the same block grid.
 //!
-//! A coefficient rounded to long steps and then to short ones takes few of the short ones'
-//! multiples. The histogram of a natural coefficient falls with its value; where a value is far
-//! more frequent than a smaller one, the smaller one is a gap (Popescu & Farid 2004, "Statistical
-//! tools for digital forensics", find the same period in its spectrum).
+//! A coefficient that was rounded to multiples of a long step and then of a short one takes few
+//! multiples of the short one. The histogram of a natural coefficient falls with its value; where a
+//! value is far more frequent than a smaller one, the smaller one is a gap (Popescu & Farid 2004,
+//! "Statistical tools for digital forensics", find the same period in its spectrum).
 
 use crate::frame::{BLOCK_AREA, Coding};
 
-/// Coefficients that are tested, row by row of a block: the lowest frequencies, which have enough
-/// non-zero values.
+/// Indices of the tested coefficients, row by row of a block: the lowest frequencies, which have
+/// enough non-zero values.
 const TESTED: [usize; 9] = [1, 8, 16, 9, 2, 3, 10, 17, 24];
 /// Length of a histogram.
 const VALUES: usize = 48;
-/// Least count of a value before a rarer smaller one can be a gap.
+/// Minimum count of a value for a rarer, smaller value to be a gap.
 const FREQUENT: u32 = 16;
-/// Largest count of a gap, as a share of a larger value's: hardly reached by chance from
-/// [`FREQUENT`] on.
+/// Maximum count of a gap, as a share of a larger value's; if the latter is at least [`FREQUENT`],
+/// chance hardly causes a gap.
 const GAP: f32 = 0.25;
-/// Least share of the tested coefficients with gaps. Set on photos coded once at qualities of 50 to
-/// 98, which have none, and at 60 or 75 before 85 or 95.
+/// Minimum share of the tested coefficients with gaps. Set on photos coded once at qualities of 50
+/// to 98, which have none, and on photos coded at 60 or 75 and then at 85 or 95.
 const SHARE: f32 = 0.5;
 
-/// Whether gaps in its luma coefficients show that the picture was coded before with coarser steps.
+/// Whether gaps in the luma coefficients of `coding` show that the picture was coded before, with
+/// coarser steps.
 pub fn coded_twice(coding: &Coding) -> bool {
     let Some(first) = coding.components.first() else { return false };
     let (mut tested, mut gaps) = (0, 0);
@@ -32,7 +33,7 @@ pub fn coded_twice(coding: &Coding) -> bool {
                 *count += 1;
             }
         }
-        // Zero counts once and other magnitudes twice; it is no gap.
+        // Zero is not tested: every other magnitude collects two values, positive and negative.
         let later = |from: usize| counts[from + 1..].iter().copied().max().unwrap_or(0);
         let is_tested = |value: &usize| later(*value) >= FREQUENT;
         tested += u32::from((1..VALUES - 1).any(|value| is_tested(&value)));

@@ -1,8 +1,8 @@
-//! The expected value of a coefficient that a JPEG states to within half a step.
+//! Expected value of a coefficient that a JPEG determines to within half a step.
 
-/// Distance of an interval's end beyond which its tail is negligible, σ.
+/// Distance of an interval's end from the mean beyond which its tail is negligible, σ.
 const FAR: f32 = 8.0;
-/// Width of an interval that counts as a point, σ.
+/// Width below which an interval is treated as a point, σ.
 const NARROW: f32 = 0.05;
 
 /// Mean of a normal variable of mean 0 and σ `spread`, truncated to `offset` ± `half`.

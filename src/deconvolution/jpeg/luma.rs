@@ -1,8 +1,9 @@
 //! The prior along the code's luma: a JPEG keeps the brightness of a detail.
 //!
-//! Chroma is stored in long steps and at half the size. Deconvolved channel by channel, each with
-//! its own blur, its quantisation errors become noise of brightness. So the part of a detail along
-//! the code's luma is shrunk by itself, and the part off it together and more:
+//! Chroma is stored in long steps and at half the size. Since each channel is deconvolved with its
+//! own blur, chroma's quantisation errors become noise of brightness. So the part of a detail along
+//! the code's luma is shrunk by itself, and the part off it jointly over the channels and more
+//! strongly:
 //!
 //! ```text
 //! n_i = (.299, .587, .114)_i enc'(light about the place)_i,  n·u = 1,  u = (1, 1, 1)/√3
@@ -18,15 +19,15 @@ use crate::deconvolution::detail_mask::DetailMask;
 use crate::deconvolution::smoothing::{blur, halve};
 use crate::frame::{Frame, Plane, Size, TO_YCC, Work};
 
-/// Factor on the threshold off luma: the independent study has 3. Set on coffee and rocket, where 6
-/// and 8 reduce ΔE by 0.1 to 0.4; more was not tried.
+/// Factor on the threshold off luma; the independent study uses 3. Set on coffee and rocket, where
+/// 6 and 8 reduce ΔE by 0.1 to 0.4; more was not tried.
 const LUMA_STRICTNESS: f32 = 8.0;
 /// σ of the Gaussian that gives the local brightness, pixels: the independent study's.
 const ABOUT_PX: f32 = 3.0;
 /// Least light at which the curve's slope is taken, grey levels.
 const DARKEST: f32 = 0.8;
 
-/// Weight of each channel in luma around every four pixels of `photo`.
+/// Weight of each channel in luma, per 2×2 pixels of `photo`.
 pub(super) fn directions(curves: &[CodeCurve; 3], photo: &Frame<Work>) -> [Plane; 3] {
     let of = |n: usize| {
         let about = halve(&blur(&photo.planes()[n], ABOUT_PX));
@@ -36,7 +37,7 @@ pub(super) fn directions(curves: &[CodeCurve; 3], photo: &Frame<Work>) -> [Plane
     <[Plane; 3]>::try_from(planes).unwrap_or_else(|_| [(); 3].map(|()| Plane::zeros(photo.size())))
 }
 
-/// The prior over the details of three planes.
+/// Prior along luma over the details of three planes.
 pub struct AlongLuma {
     transforms: AlongAxes,
     /// n at each level, finest first.
@@ -58,8 +59,8 @@ impl AlongLuma {
         AlongLuma { transforms: AlongAxes::new(size, thresholds.len()), levels, thresholds }
     }
 
-    /// Shrinks the details of `planes` at `shift`, or averaged over the shifts of step `step` where
-    /// there is none.
+    /// Shrinks the details of `planes`, at `shift` if one is given, otherwise averaged over the
+    /// shifts of step `step`.
     pub(in crate::deconvolution) fn shrink(
         &self,
         planes: &mut [Plane; 3],
@@ -77,7 +78,7 @@ impl AlongLuma {
     }
 }
 
-/// `n` with n·u = 1.
+/// `n` scaled so that n·u = 1.
 fn of_unit_sum(mut n: [Plane; 3]) -> [Plane; 3] {
     let [r, g, b] = &mut n;
     let rows = r.data_mut().iter_mut().zip(g.data_mut()).zip(b.data_mut());
@@ -88,9 +89,9 @@ fn of_unit_sum(mut n: [Plane; 3]) -> [Plane; 3] {
     n
 }
 
-/// Shrinks the details of one band by the rule of the module's page; powers are means with weights
-/// (1 2 1)/4 in both directions, of the band periodised. The threshold is scaled by `factors`,
-/// place by place.
+/// Shrinks the details of one band by the rule in the module's documentation. Powers are means over
+/// the periodised band with weights (1 2 1)/4 in both directions. The threshold is multiplied by
+/// `factors`, pixel by pixel.
 pub(super) fn draw_band(
     bands: [&mut Plane; 3],
     n: &[Plane; 3],

@@ -1,9 +1,9 @@
 //! The data term of a JPEG: its quantised coefficients in place of its decoded light.
 //!
-//! A JPEG states each coefficient to within half a step. As noisy light, its errors would count as
-//! the scene's: alike within a block and different in the next, and large in chroma, which has long
-//! steps. So the photo is decoded again during the solve: of all pictures that the file may encode,
-//! the expected one where the camera saw K L.
+//! A JPEG determines each coefficient to within half a quantisation step. As noisy light, the photo
+//! would pass its coding errors on to the scene: they are alike within a block and different in the
+//! next, and large in chroma, which has long steps. So the photo is decoded again during the solve:
+//! to the expected picture among all that the file may encode, given that the camera saw K L.
 //!
 //! ```text
 //! e  = expected codes of K L               within 0..255
@@ -14,9 +14,9 @@
 //! B̃  = K L − (light of e − light of e′)
 //! ```
 //!
-//! (ITU-T T.81 and T.871 for D, q and M.) The gradient is Kᵀ(K L − B̃), B̃ kept between decodings.
-//! With the camera's curve and subsampled chroma it is no gradient of one function; tests hold that
-//! it descends.
+//! (ITU-T T.81 and T.871 for D, q and M.) The gradient is Kᵀ(K L − B̃), with B̃ kept between
+//! decodings. With the camera's curve and subsampled chroma it is not the gradient of one function;
+//! tests check that it descends.
 
 mod curve;
 mod history;
@@ -38,20 +38,20 @@ pub use history::coded_twice;
 use interval::truncated_mean;
 pub use luma::AlongLuma;
 
-/// From Y', Cb and Cr (ITU-T T.871, clause 7), the first column being ones.
+/// Weights of Cb and Cr in R, G and B (ITU-T T.871, clause 7); that of Y' is 1.
 const FROM_CHROMA: [[f32; 2]; 3] = [[0.0, 1.402], [-0.344_136, -0.714_136], [1.772, 0.0]];
 /// σ of the Gaussian that gives the local brightness, pixels.
 const ABOUT_PX: f32 = 1.0;
-/// Factor on the camera's noise σ: the residual that the solve has not yet explained adds to it.
-/// The independent study's.
+/// Factor on the camera's noise σ, because the residual that the solve has not yet explained adds
+/// to it. From the independent study.
 const WIDENED: f32 = 2.0;
-/// The same in chroma, from the independent study.
+/// Further factor on the widened noise σ in chroma, from the independent study.
 const WIDENED_CHROMA: f32 = 0.5;
 /// Least σ of a coefficient, codes, against division by zero.
 const SPREAD_MIN: f32 = 1e-2;
 /// Level shift of luma (ITU-T T.81, A.3.1).
 const MIDDLE: f32 = 128.0;
-/// Rows of coded units decoded again side by side, which bounds the memory of copies. Guess.
+/// Rows of coded units that are decoded again in parallel; bounds the memory of copies. Guess.
 const ROWS_AT_ONCE: usize = 16;
 /// Pixels of the largest coded unit: chroma at half the width and height.
 const UNIT_AREA: usize = 4 * BLOCK_AREA;
@@ -63,50 +63,49 @@ pub struct JpegTerm {
     /// The photo's rectangle on the canvas.
     rect: Rect,
     curves: [CodeCurve; 3],
-    /// s of each coefficient of each component, codes.
+    /// Noise σ s of each coefficient of each component, codes.
     spread: Vec<Vec<f32>>,
-    /// Noise σ in each channel, grey levels: the camera's; of a photo that was coded before, with
-    /// its coding errors.
+    /// Noise σ of each channel, grey levels: the camera's, plus coding errors if the photo was
+    /// coded twice.
     noise: [f32; 3],
-    /// Whether the photo was coded once, and its coefficients are the camera's.
+    /// Whether the photo was coded once, so that its coefficients are the camera's.
     once: bool,
-    /// n before normalisation: the weight of each channel in luma, for every four pixels of the
-    /// canvas.
+    /// Weight of each channel in luma, n before normalisation, per 2×2 pixels of the canvas.
     luma: [Plane; 3],
     /// D and Dᵀ.
     cosines: ([[f32; BLOCK_PX]; BLOCK_PX], [[f32; BLOCK_PX]; BLOCK_PX]),
 }
 
-/// What a term is built from.
+/// Input of [`JpegTerm::of`].
 pub struct Stated<'a> {
     /// The file's coefficients.
     pub coding: &'a Coding,
     /// Light 0..255 of each code, by channel.
     pub lights: [&'a [f32]; 3],
-    /// Which channels the photo has.
+    /// The photo's channels.
     pub channels: Channels,
     /// The decoded photo on its canvas, linear light.
     pub photo: &'a Frame<Work>,
-    /// Where it lies there.
+    /// The photo's rectangle on the canvas.
     pub rect: Rect,
-    /// The camera's noise σ in each channel, without coding errors, grey levels.
+    /// Noise σ of each channel, grey levels: the camera's, without coding errors if coded `once`.
     pub noise: [f32; 3],
-    /// The same σ at a light, both grey levels.
+    /// The camera's noise σ of a channel at a light, both in grey levels.
     pub noise_at: &'a (dyn Fn(Channel, f32) -> f32 + Sync),
-    /// Whether the photo was coded once. Otherwise it has errors that its file does not show; then
-    /// `noise` is all of the photo's, and only the prior applies.
+    /// Whether the photo was coded once. Otherwise its file does not bound all coding errors;
+    /// `noise` then includes them, and only the luma prior applies.
     pub once: bool,
 }
 
 impl JpegTerm {
-    /// The term of a photo; `None` where file and photo differ in size or channels.
+    /// Builds the term of a photo; `None` if file and photo differ in size or channels.
     pub fn of(stated: &Stated<'_>) -> Option<JpegTerm> {
         let &Stated { coding, lights, channels, photo, rect, noise, noise_at, once } = stated;
         if coding.size != rect.size || !coding.is_whole() {
             return None;
         }
         let coding = match channels {
-            // A grey photo's chroma is nothing.
+            // The chroma of a grey photo carries no information.
             Channels::Green => coding.brightness(),
             Channels::Colour if coding.components.len() == 3 => coding.clone(),
             Channels::Colour => return None,
@@ -128,23 +127,23 @@ impl JpegTerm {
         Some(JpegTerm { coding, rect, curves, spread, noise, once, luma, cosines })
     }
 
-    /// Whether the data are the coefficients, and not the decoded light.
+    /// Whether the data are the coefficients rather than the decoded light.
     pub fn is_data(&self) -> bool {
         self.once
     }
 
-    /// Noise σ in `channel`, grey levels, which thresholds follow.
+    /// Noise σ of `channel`, grey levels, from which thresholds are computed.
     pub fn noise(&self, channel: Channel) -> f32 {
         self.noise[channel.index()]
     }
 
-    /// The prior along the code's luma, for planes of the canvas's `size` in as many levels as
-    /// there are `thresholds`, grey levels, finest first.
+    /// The prior along the code's luma, for planes of the canvas's `size`, with one level for each
+    /// of the `thresholds`, grey levels, finest first.
     pub(super) fn along_luma(&self, size: Size, thresholds: &[f32]) -> AlongLuma {
         AlongLuma::new(size, &self.luma, thresholds.to_vec())
     }
 
-    /// Sets the chroma of `picture` to the mean of its own and the `photo`'s, at its own luma.
+    /// Sets the chroma of `picture` to the mean of its own and the `photo`'s, and keeps its luma.
     /// Chroma was stored in long steps and often at half size: the solved and the stored chroma
     /// have independent errors, and their mean has less.
     pub(super) fn mix_colours(&self, picture: &mut Frame<Work>, photo: &Frame<Work>) {
@@ -178,8 +177,8 @@ impl JpegTerm {
         if self.coding.components.len() == 1 { &[Channel::Green] } else { &Channel::ALL }
     }
 
-    /// B̃: the picture that the file may encode nearest to `seen`, K L on the canvas; outside the
-    /// photo `seen` itself.
+    /// B̃: the expected picture among those that the file may encode, given `seen`, which is K L on
+    /// the canvas; outside the photo it equals `seen`.
     ///
     /// # Panics
     /// When `seen` is not of the canvas's size, which is a bug of the caller.
@@ -207,7 +206,7 @@ impl JpegTerm {
         (BLOCK_PX * usize::from(across), BLOCK_PX * usize::from(down))
     }
 
-    /// One row of units decoded again: the photo's pixels in it, channel by channel.
+    /// Decodes one row of units again; returns the photo's pixels in it, channel by channel.
     fn strip(&self, seen: &Frame<Work>, row: usize) -> [Vec<f32>; 3] {
         let (rect, (across, down)) = (self.rect, self.unit());
         let Size { width, height } = rect.size;
@@ -303,7 +302,7 @@ impl JpegTerm {
         change
     }
 
-    /// Component `n` of each pixel of a unit; of a grey photo its codes.
+    /// Component `n` of each pixel of a unit; for a grey photo, its codes less the level shift.
     fn component(&self, n: usize, codes: &[[f32; UNIT_AREA]; 3]) -> [f32; UNIT_AREA] {
         let middle = if n == 0 { MIDDLE } else { 0.0 };
         let [red, green, blue] = codes;
@@ -317,7 +316,8 @@ impl JpegTerm {
     }
 }
 
-/// s of each coefficient of component `n`: (D∘D) V (D∘D)ᵀ of the codes' variances by channel.
+/// Noise σ s of each coefficient of component `n`: the roots of (D∘D) V (D∘D)ᵀ, where V follows
+/// from the variances of the codes, by channel.
 fn spread(
     component: &CodedComponent,
     n: usize,

@@ -1,4 +1,5 @@
-//! The term against its plain form, its descent, and what tells a JPEG of a JPEG.
+//! Tests of the term against its plain form, of its descent, and of the detection of JPEGs made
+//! from JPEGs.
 
 mod plain;
 
@@ -30,7 +31,7 @@ fn scene(size: Size) -> Frame<Work> {
     })
 }
 
-/// `photo` as a JPEG of steps that grow from `first` by `more` a frequency states it.
+/// Codes `photo` as a JPEG whose steps grow from `first` by `more` a frequency.
 fn stated_by(photo: &Frame<Work>, pixels: (u8, u8), (first, more): (u16, u16)) -> Coding {
     let (size, light) = (photo.size(), lights());
     let curve = CodeCurve::new(&light, &|_| 0.0).unwrap();
@@ -79,7 +80,7 @@ fn stated<'a>(
     Stated { coding, lights, channels: Channels::Colour, photo, rect, noise, noise_at, once: true }
 }
 
-/// `planes` moved by something that has nothing to do with blocks.
+/// `planes` changed by a pattern that is unrelated to blocks.
 fn moved(planes: &Frame<Work>) -> Frame<Work> {
     Frame::from_fn(|c: Channel| {
         let plane = planes.plane(c);
@@ -112,10 +113,10 @@ fn the_term_by_units_is_that_of_the_plain_form() {
     }
 }
 
-/// How far the codes of `light` are outside what `term` states, squared, over all coefficients.
+/// Sum over all coefficients of the squared distance of `light`'s from the intervals of `coding`.
 fn outside(coding: &Coding, (light, rect): (&Frame<Work>, Rect)) -> f64 {
     let photo = Frame::from_fn(|c| light.plane(c).crop(rect));
-    // In steps so short that they are none.
+    // In steps of 1, which hardly quantise.
     let pixels = coding.densest();
     let fine = stated_by(&photo, pixels, (1, 0));
     let components = coding.components.iter().zip(&fine.components);
@@ -159,7 +160,7 @@ fn a_picture_that_the_file_may_stand_for_hardly_moves_and_grey_is_decoded_alone(
     let coding = stated_by(&photo, (2, 2), (1, 0));
     let of = stated(&coding, &light, (&canvas, rect));
     let again = JpegTerm::of(&of).unwrap().redecoded(&canvas);
-    // Of brightness to a code; chroma between its samples is not known to be.
+    // The file determines brightness to within a code, but not chroma between its samples.
     let apart = Channel::ALL.map(|c| {
         let mut apart = again.plane(c).clone();
         apart.add_scaled(-1.0, canvas.plane(c));
@@ -181,7 +182,8 @@ fn a_picture_that_the_file_may_stand_for_hardly_moves_and_grey_is_decoded_alone(
 
 #[test]
 fn a_jpeg_of_a_jpeg_is_recognised_by_its_gaps() {
-    // Soft enough that no value of a coefficient is common for the scene's own sake.
+    // Soft enough that the scene itself makes no value of a coefficient more common than smaller
+    // ones.
     let mut random = rand_xoshiro::Xoshiro256PlusPlus::seed_from_u64(8);
     let size = Size::new(256, 192);
     let rough = Plane::from_fn(size, |_, _| {
@@ -200,7 +202,7 @@ fn a_jpeg_of_a_jpeg_is_recognised_by_its_gaps() {
     }
 }
 
-/// What the brightness of `coding` is decoded to, in light: the middle of what is stated.
+/// Light to which the luma of `coding` is decoded: the middle of each coefficient's interval.
 fn decoded(coding: &Coding) -> Plane {
     let curve = CodeCurve::new(&lights(), &|_| 0.0).unwrap();
     let component = &coding.components[0];
@@ -234,7 +236,7 @@ fn the_prior_keeps_grey_details_and_shrinks_colours_more() {
     let (grey, bands) = kept([1.0, 1.0, 1.0]);
     let apart = bands[0].data().iter().zip(bands[2].data()).map(|(a, b)| (a - b).abs());
     assert!(apart.fold(0.0, f32::max) < 1e-4, "grey stays grey");
-    // Of equal luma: −0.2·0.3 + 0.0·0.6 + 0.6·0.1 = 0.
+    // Without luma: −0.2·0.3 + 0.0·0.6 + 0.6·0.1 = 0.
     let (colour, _) = kept([-0.2, 0.0, 0.6]);
     assert!(grey > 0.6 && colour < 0.5 * grey, "{grey} {colour}");
     let mut bands = [(); 3].map(|()| detail.clone());

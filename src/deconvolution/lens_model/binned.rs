@@ -4,8 +4,9 @@ use super::{LensFunctions, LensModel, LensModelError};
 use crate::frame::{Channel, Size, SquarePlace};
 
 impl LensModel {
-    /// The lens from scenes on pixels binned by two, enlarged by bicubic interpolation, to data
-    /// that hold the light of each channel's `places` in a square.
+    /// The lens model on pixels binned by two. It maps a binned scene, which stands for its bicubic
+    /// enlargement, to data that are weighted means of the light at each channel's `places` in a
+    /// square.
     ///
     /// # Errors
     /// When a side of the canvas is odd.
@@ -30,7 +31,8 @@ impl LensModel {
 impl LensFunctions {
     fn binned(&self, places: &[Vec<SquarePlace>; 3]) -> LensFunctions {
         let own = self.support_px;
-        // Of the function, of the square's kernel and of an interpolated pixel's sites.
+        // Sum of three reaches: of the function, the enlarging kernel and an interpolated pixel's
+        // sites.
         let reach = (own / 2 + 5) / 2;
         let taps = Channel::ALL.map(|c| {
             let functions = self.taps[c.index()].chunks_exact(own * own);
@@ -41,7 +43,7 @@ impl LensFunctions {
     }
 }
 
-/// Keys' cubic kernel of the square of columns 0 and 1 at columns −3 to 4
+/// Keys' cubic kernel that spreads a square at columns 0 and 1 over columns −3 to 4
 /// ([`resize`](crate::frame::resample::resize)).
 const ENLARGED: [f32; 8] = [
     -0.023_437_5,
@@ -54,8 +56,8 @@ const ENLARGED: [f32; 8] = [
     -0.023_437_5,
 ];
 
-/// The taps of `function`, whose support is `own` pixels wide, from squares up to `reach` squares
-/// away to a square's `places`.
+/// Taps of `function` (support `own` pixels wide) between binned pixels: from squares up to `reach`
+/// squares away to the `places` of a square.
 fn binned_function(function: &[f32], own: usize, reach: usize, places: &[SquarePlace]) -> Vec<f32> {
     // The light of one enlarged square through the lens.
     let wide = own + ENLARGED.len() - 1;
@@ -71,7 +73,7 @@ fn binned_function(function: &[f32], own: usize, reach: usize, places: &[SquareP
             row.for_each(|(sum, tap)| *sum += weight * tap);
         }
     }
-    // Pixels of `seen` before the square's first.
+    // Offset of the square's first pixel in `seen`.
     let (before, reach) = ((own / 2 + 3) as isize, reach as isize);
     let at = |x: isize, y: isize| {
         let (x, y) = (x + before, y + before);
@@ -116,7 +118,7 @@ mod tests {
                 let (mut seen, mut own) = (Plane::zeros(scene.size()), enlarged.clone());
                 binned.forward(c, &scene, &mut seen);
                 model.forward(c, &enlarged, &mut own);
-                // Off the border, which enlarging repeats.
+                // Away from the border, whose pixels enlarging repeats.
                 for y in 5..scene.height() - 5 {
                     for x in 5..scene.width() - 5 {
                         let at = |p: &SquarePlace| {

@@ -3,10 +3,10 @@
 //! K x = d (a P x + Σⱼ sⱼ Gⱼ x): the lens functions P carry a share a of the light, Gaussians Gⱼ
 //! carry shares sⱼ, and a + Σ sⱼ = 1. A Gaussian is computed on cells of a quarter of its σ: means
 //! over cells, two small matrices, linear interpolation, each with its exact transpose. It is
-//! applied to x rather than P x, for the blur P is several times narrower.
+//! applied to x rather than P x, because the blur P is several times narrower.
 //!
-//! The gain d makes K 1 = 1 where the surround is dark: there a flat is dimmer at the border, which
-//! the calibration has taken for vignetting.
+//! With a dark surround, flat light would be dimmer at the border. The calibration has already
+//! attributed that to vignetting, so the gain d makes K 1 = 1.
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -36,12 +36,12 @@ impl Halo {
     }
 }
 
-/// The surround of the canvas, within reach of a halo.
+/// Light around the canvas, within reach of a halo.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Beyond {
     /// Black.
     Dark,
-    /// The border's light continues.
+    /// The light of the border, continued outwards.
     LikeTheBorder,
 }
 
@@ -118,7 +118,7 @@ impl HaloSide {
     }
 }
 
-/// A Gaussian on its cells.
+/// Convolution with a Gaussian, computed on cells.
 #[derive(Debug, Clone)]
 pub(crate) struct Veil {
     x: HaloSide,
@@ -138,7 +138,7 @@ impl Veil {
         Size::new(self.x.count(), self.y.count())
     }
 
-    /// `light` convolved, on rows of cells and columns of pixels.
+    /// `light` convolved with the Gaussian, on rows of cells and columns of pixels.
     fn spread(&self, light: &Plane) -> Plane {
         let mut means: Plane = Plane::zeros(self.cells());
         let rows = means.data_mut().par_chunks_mut(self.x.count()).enumerate();
@@ -186,7 +186,7 @@ impl Veil {
         row.iter_mut().zip(near).for_each(|(v, (a, b))| *v += share * (a + ty * (b - a)));
     }
 
-    /// `light` convolved, on pixels.
+    /// `light` convolved with the Gaussian, on pixels.
     pub(crate) fn on_pixels(&self, light: &Plane) -> Plane {
         let (spread, mut out) = (self.spread(light), Plane::zeros(light.size()));
         (0..light.height()).for_each(|y| self.add_row(&spread, 1.0, y, out.row_mut(y)));
@@ -260,7 +260,7 @@ fn transposed(plane: &Plane) -> Plane {
 #[derive(Debug, Clone)]
 pub(super) struct Broad {
     veils: Vec<(Veil, Halo)>,
-    /// Share a of the lens functions.
+    /// Share a of the light that the lens functions carry.
     local_share: f32,
     /// The gain d, unless it is 1.
     gain: Option<Plane>,

@@ -1,4 +1,4 @@
-//! Decomposition of the canvas into cells, in each of which the same four functions are
+//! Decomposition of the canvas into cells, within each of which the same four functions are
 //! interpolated.
 //!
 //! Between the centres of four neighbouring functions the bilinear weights are separable. Beyond
@@ -94,7 +94,7 @@ pub(super) struct SpectrumOf {
     pub(super) transform_y: usize,
 }
 
-/// The half spectrum of one function: rows of `nx` numbers, each of eight adjacent vertical
+/// Half spectrum of one function: rows of `nx` vectors, each of which holds eight adjacent vertical
 /// frequencies of 0..=ny/2.
 pub(super) type Spectrum = Vec<ComplexLanes>;
 

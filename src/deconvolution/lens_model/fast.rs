@@ -1,10 +1,10 @@
 //! Forward and adjoint lens model by Fourier transforms of cells.
 //!
 //! In a cell the weights are separable: (1−v, v) along y times (1−u, u) along x. The weights along
-//! y are applied before the transform down the columns, two real pictures as one complex; those
-//! along x between the two transforms. A cell costs one transform along y, four along x, and one
-//! inverse along each. The result is exact up to rounding; the adjoint is the same steps
-//! transposed.
+//! y are applied before the transform down the columns, which takes two real pictures as one
+//! complex one, and the weights along x between the two transforms. A cell costs one transform
+//! along y, four along x, and one inverse along each. The result is exact up to rounding; the
+//! adjoint is the transpose of the same steps.
 
 use super::cells::{Cells, ModelCell, Spectrum, Stretch};
 use super::fourier::Fourier;
@@ -125,7 +125,8 @@ impl<'a> Cell<'a> {
         }
     }
 
-    /// Weights row `group` of a half spectrum by function `b` along x, and transforms it.
+    /// Multiplies row `group` of a half spectrum by the weights of function `b` along x and
+    /// transforms it.
     #[inline(always)]
     pub(super) fn along<'w>(
         &self,
@@ -225,7 +226,7 @@ pub(super) struct Forward<'a> {
     pub(super) row: usize,
     /// Output within the canvas rows of these cells.
     pub(super) band: &'a mut [f32],
-    /// Output beyond: support − 1 rows, first those above the band, then those below.
+    /// Output beyond the band: support − 1 rows, first those above it, then those below.
     pub(super) spill: &'a mut [f32],
     pub(super) work: &'a mut Workspace,
 }
@@ -292,7 +293,7 @@ impl Kernel for Forward<'_> {
 pub(super) struct Adjoint<'a> {
     pub(super) cells: &'a Cells,
     pub(super) spectra: &'a [Spectrum],
-    /// Real factors on the conjugate spectra.
+    /// Real factors on the products with the conjugate spectra, if any.
     pub(super) factors: Option<&'a [Vec<Lanes>]>,
     pub(super) y: &'a Plane,
     /// Index of the row of cells.
@@ -340,7 +341,8 @@ impl Kernel for Adjoint<'_> {
                 }
             }
             if along_y.functions.len() == 1 {
-                // Its weight is 0, but rounding of an earlier cell's values would remain.
+                // The lower half has weight 0, but stale values of an earlier cell would leave
+                // rounding errors.
                 lower.fill(ComplexLanes::default());
             }
             for column in (0..width).step_by(LANES) {

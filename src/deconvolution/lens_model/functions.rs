@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use crate::frame::Channel;
 use crate::remedy::{Remediable, Remedy};
 
-/// Why functions do not make a lens model: what was found, and what is allowed.
+/// A fault in lens functions: what was found, and what is allowed.
 #[derive(Debug, thiserror::Error)]
 #[error("the lens model {0}")]
 pub struct LensModelError(pub(super) String);

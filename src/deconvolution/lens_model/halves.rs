@@ -23,8 +23,8 @@ pub(super) enum Part {
     Imaginary,
 }
 
-/// Stores twice the half spectrum of one part of `found`, transformed columns of length `n`, from
-/// `column` of `half` on.
+/// Stores twice the half spectrum of one part of `found`, which holds transformed columns of length
+/// `n`, in `half` from `column` on.
 #[inline(always)]
 pub(super) fn store<const FUSED: bool>(
     found: &[ComplexLanes],

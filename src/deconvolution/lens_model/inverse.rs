@@ -3,12 +3,12 @@
 //! Within a cell one function with transfer function P is a convolution, whose regularised inverse
 //! is P*/(|P|² + ε) (Wiener 1949). Cells and functions are interpolated as in Kᵀ.
 //!
-//! A mosaic's sites of one colour repeat by 2×2 pixels, so M couples a frequency f with those that
-//! alias with it, f + ½ along either axis; of a quincunx with f + (½, ½) alone. Weighted by the
-//! pixels a site stands for, KᵀMK is of rank one on each such group, and the inverse is
-//! P*/(Σ|P|² + ε) with the sum over the group (Zhao et al. 2016, "Fast single image
-//! super-resolution using a new analytical solution for ℓ2-ℓ2 problems", IEEE TIP 25(8)). Where the
-//! sites lie in the period does not matter.
+//! A mosaic's sites of one colour repeat every 2×2 pixels, so M couples a frequency f with its
+//! aliases, f + ½ along either axis, and for a quincunx with f + (½, ½) alone. If each site is
+//! weighted by the number of pixels it stands for, KᵀMK has rank one on each group of aliases, and
+//! the inverse is P*/(Σ|P|² + ε) with the sum over the group (Zhao et al. 2016, "Fast single image
+//! super-resolution using a new analytical solution for ℓ2-ℓ2 problems", IEEE TIP 25(8)). The phase
+//! of the sites within the period does not matter.
 
 use rayon::prelude::*;
 
@@ -16,14 +16,14 @@ use super::cells::{Cells, Side, Spectrum};
 use super::lanes::{LANES, Lanes};
 use crate::frame::Channel;
 
-/// The data that a channel has of each 2×2 pixels.
+/// Number of data that a channel has in each 2×2 pixels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Density {
-    /// All four.
+    /// Four: every pixel has a datum.
     Full,
-    /// Two of them on a diagonal, as green's sites.
+    /// Two on a diagonal, as for the sites of green.
     Half,
-    /// One, as red's and blue's sites.
+    /// One, as for the sites of red or blue.
     Quarter,
 }
 

@@ -96,8 +96,8 @@ impl LensModel {
         })
     }
 
-    /// The same lens with `halos` for each channel, whose shares of the light are taken from the
-    /// functions.
+    /// The same lens with `halos` for each channel; their shares of the light are deducted from
+    /// that of the functions.
     ///
     /// # Errors
     /// When a radius or share is out of range.
@@ -118,7 +118,7 @@ impl LensModel {
         self.canvas
     }
 
-    /// Part of the canvas over which the functions are spread: that of a whole photo.
+    /// Part of the canvas over which the functions are spread: the whole photo without its margins.
     pub fn field(&self) -> Rect {
         self.field
     }
@@ -128,7 +128,7 @@ impl LensModel {
         &self.functions
     }
 
-    /// Replaces the taps of one channel, `[rows][columns][k][k]`, keeping the plans.
+    /// Replaces the taps of one channel, `[rows][columns][k][k]`; the planned transforms are kept.
     ///
     /// # Errors
     /// When their number does not match or one is not finite; the model is then unchanged.
@@ -176,7 +176,7 @@ impl LensModel {
                 })
             })
             .collect();
-        // In the order of the rows: the same sums on any number of threads.
+        // Added in the order of the rows, so that sums are the same on any number of threads.
         let r = self.cells.support_px / 2;
         for (stretch, spill) in rows.iter().zip(&spills) {
             for (n, light) in spill.chunks_exact(self.canvas.width).enumerate() {
@@ -192,7 +192,7 @@ impl LensModel {
         }
     }
 
-    /// K X in the `channels`, zero in the others.
+    /// K X in each of `channels`, zero in the other channels.
     pub fn seen(&self, channels: &[Channel], x: &Frame<Work>) -> Frame<Work> {
         let of = |&c: &Channel| {
             let mut plane = Plane::zeros(self.canvas);
@@ -230,9 +230,9 @@ impl LensModel {
         LocalInverse::new(&self.cells, &self.spectra(channel), channel, epsilon, density)
     }
 
-    /// `out` = (KᵀMK + ε)⁻¹Kᵀ y, locally and without broad light; `y` is zero where data are
-    /// missing, and weighted by the pixels that each datum stands for. For residuals: cells are cut
-    /// without a taper.
+    /// `out` = (KᵀMK + ε)⁻¹Kᵀ y, computed cell by cell without broad light. `y` is zero where data
+    /// are missing, and each datum is multiplied by the number of pixels that it stands for. Meant
+    /// for residuals: cells are cut without a taper.
     pub fn invert(&self, inverse: &LocalInverse, y: &Plane, out: &mut Plane) {
         assert!(
             y.size() == self.canvas && out.size() == self.canvas,
@@ -246,7 +246,7 @@ impl LensModel {
         });
     }
 
-    /// Frees the spectra of `channel`, until an operation needs them again.
+    /// Frees the spectra of `channel`; the next operation that needs them computes them again.
     pub fn release_spectra(&self, channel: Channel) {
         self.spectra[channel.index()].release();
     }

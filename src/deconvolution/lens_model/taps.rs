@@ -18,12 +18,12 @@ use crate::frame::{Channel, Plane};
 pub(super) struct KeptSpectra(Mutex<Option<Arc<Vec<Spectrum>>>>);
 
 impl KeptSpectra {
-    /// The spectra, by `make` if there are none.
+    /// Returns the kept spectra, or computes them by `make` and keeps them.
     pub(super) fn get(&self, make: impl FnOnce() -> Vec<Spectrum>) -> Arc<Vec<Spectrum>> {
         if let Some(spectra) = &*self.lock() {
             return Arc::clone(spectra);
         }
-        // Without the lock: see `once`.
+        // Not under the lock, which could deadlock: see `once`.
         let made = Arc::new(make());
         Arc::clone(self.lock().get_or_insert(made))
     }

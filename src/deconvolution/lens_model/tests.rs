@@ -235,7 +235,7 @@ fn grids_whose_number_of_taps_overflows_are_refused() {
     assert!(refused.contains("0 taps in red"), "{refused}");
 }
 
-/// A Gaussian lens, the same everywhere, on a 2×2 grid of functions: the cells' seams count.
+/// A Gaussian lens, the same everywhere, on a 2×2 grid of functions, so that seams would show.
 fn gaussian_model(sigma_px: f32) -> LensModel {
     let one: Vec<f32> = (0..25 * 25)
         .map(|t| {
@@ -324,7 +324,7 @@ fn released_spectra_are_computed_again() {
     let before = seen(&model);
     model.release_spectra(Channel::Red);
     assert_eq!(seen(&model), before);
-    // A copy keeps its own when the taps change.
+    // A copy keeps its own spectra when the taps change.
     let copy = model.clone();
     let halved: Vec<f32> = model.functions().taps[0].iter().map(|tap| 0.5 * tap).collect();
     model.set_taps(Channel::Red, &halved).unwrap();

@@ -1,8 +1,8 @@
 //! A problem on pixels binned by two: the first of a solve's two levels.
 //!
-//! Through a wide lens the photo's own grid carries little that binned pixels do not. A step on
-//! these costs a quarter, and few at the own grid bring the rest. The residual there shows whether
-//! they do.
+//! Behind a lens that blurs widely the photo's own grid carries little that binned pixels do not. A
+//! step on binned pixels costs a quarter, and a few steps on the own grid add the rest. The
+//! residual of the binned picture on the own grid shows whether they suffice.
 
 use super::Problem;
 use crate::deconvolution::colour_axis::width_px;
@@ -11,8 +11,8 @@ use crate::deconvolution::level_norms::LevelNorms;
 use crate::deconvolution::observation::Observation;
 use crate::frame::Channel;
 
-/// Least width of a lens's functions for two levels, pixels. At 3.8 px photos gain 0.1 dB, narrower
-/// ones nothing or lose (`tests/tables/tried.md`).
+/// Minimum width of the lens functions for a solve on two levels, pixels. At 3.8 px photos gain
+/// 0.1 dB; behind narrower functions they gain nothing or lose (`tests/tables/tried.md`).
 const WIDTH_MIN_PX: f32 = 4.0;
 
 /// Observation, lens and norms of a problem on binned pixels.
@@ -23,8 +23,8 @@ pub(super) struct BinnedProblem {
 }
 
 impl BinnedProblem {
-    /// `problem` on binned pixels; `None` where the lens is too narrow, or data, sides or wavelet
-    /// levels cannot be binned.
+    /// `problem` on binned pixels; `None` if the lens functions are too narrow, or if data, sides
+    /// or wavelet levels cannot be binned.
     pub(super) fn of(problem: &Problem<'_>) -> Option<BinnedProblem> {
         let own = problem.observation;
         let has_levels = problem.level_norms.iter().all(|norms| norms.levels() > 1);
@@ -38,7 +38,7 @@ impl BinnedProblem {
         Some(BinnedProblem { observation, model, level_norms })
     }
 
-    /// The problem; `own` is the one at the photo's grid.
+    /// The binned problem; `own` is the problem on the photo's own grid.
     pub(super) fn problem<'a>(&'a self, own: &Problem<'a>) -> Problem<'a> {
         let BinnedProblem { observation, model, level_norms } = self;
         Problem { observation, model, level_norms, is_hopeless: None, capture_mosaic: None, ..*own }

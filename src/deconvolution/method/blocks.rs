@@ -1,5 +1,5 @@
-//! The block-matching stage: a solved picture improved by turns of a data step and a block-matching
-//! filter.
+//! The block-matching stage, which improves a solved picture by alternating data steps and a
+//! block-matching filter.
 //!
 //! Minimises ‖K̂L − B‖²/ν² + ‖L − Z‖²/τ² for L by the lens's local inverse, ν being the photo's
 //! noise σ. The next Z is L filtered by [`block_matching`](crate::deconvolution::block_matching)
@@ -21,8 +21,8 @@ use crate::frame::{Channel, FULL_SCALE, Frame, Plane, Work};
 const TAU_FIRST: f32 = 20.0;
 /// τ of the last round, in noise σ of the photo.
 const TAU_LAST: f32 = 6.0;
-/// Largest τ, grey levels: the error of what the lens stops is as large as scenes are there,
-/// however noisy the photo. A larger τ removes texture as faint as the noise.
+/// Largest τ, grey levels: the error of details that the lens does not pass is as large as those
+/// details, however noisy the photo. A larger τ removes texture as faint as the noise.
 pub const TAU_MAX: f32 = 14.0;
 /// Share of the lens model's error that counts as noise.
 const MODEL_ERROR_SHARE: f32 = 0.5;
@@ -129,7 +129,7 @@ fn filter_colours(
         let mut guides = Channel::ALL.map(|c| std::mem::take(guide.plane_mut(c)));
         to_opponent(&mut planes);
         to_opponent(&mut guides);
-        // Blocks alike in brightness count as alike in colour.
+        // Blocks similar in brightness are taken to be similar in colour.
         let groups = Groups::find(&guides[0], SEARCH, turn);
         let [luma, chroma_red, chroma_green] = &mut guides;
         *luma = filter(&groups, &planes[0], luma, &noises[0]);

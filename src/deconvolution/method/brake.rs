@@ -1,16 +1,18 @@
 //! Keeps an iteration by captures from diverging.
 //!
-//! A step is bounded by the measured ‖K‖, but the rig may have changed since, and flip–FC–flip over
-//! too large patches is no adjoint. When a picture's photograph is farther from the photo than an
-//! earlier one's, the iteration returns to that picture and halves the step.
+//! The step length is bounded by the measured ‖K‖, but the rig may have changed since, and
+//! flip–FC–flip over too large patches is no adjoint. When the residual of a picture's photograph
+//! exceeds the least one so far by a quarter, the iteration returns to the best picture and halves
+//! the step length.
 
 use crate::frame::{Frame, Work};
 
-/// Residual over the least one so far above which the iteration diverges. Guess: noise and momentum
-/// change it by a few per cent, too long a step doubles it within a few iterations.
+/// Ratio of the residual to the least one so far above which the iteration diverges. Guess: noise
+/// and momentum change the residual by a few per cent, too long a step doubles it within a few
+/// iterations.
 const DIVERGED: f32 = 1.25;
 
-/// The step length, and the best picture so far.
+/// The step length and the best picture so far.
 #[derive(Debug, Clone)]
 pub(super) struct Brake {
     step: f32,

@@ -1,4 +1,4 @@
-//! A candidate with its capture, and the step from one towards the next.
+//! A candidate picture with its capture, and the step towards the next candidate.
 
 use super::Problem;
 use crate::deconvolution::data_term::MISSING;
@@ -16,8 +16,8 @@ pub(super) struct Candidate {
 }
 
 impl Candidate {
-    /// Moves towards `corrected`, channel by channel, by the α that brings the photograph nearest
-    /// to the photo, at most `longest`.
+    /// Moves towards `corrected`, channel by channel, by the share α, at most `longest`, that
+    /// brings the photograph nearest to the photo.
     pub(super) fn step_towards(
         &mut self,
         corrected: &Candidate,

@@ -8,15 +8,15 @@ use super::problem::Target;
 use crate::deconvolution::data_term;
 use crate::frame::{Channel, FULL_SCALE, Plane, STRETCH};
 
-/// The state of one channel.
+/// State of the solve in one channel.
 pub(super) struct ChannelSolve {
     pub(super) channel: Channel,
     /// The point at which the gradient is taken.
     point: Plane,
-    /// K̂ of that point, until the step.
+    /// Prediction K̂ of the point; consumed by [`ChannelSolve::descend`].
     pub(super) prediction: Plane,
     momentum: Momentum,
-    /// RMS of the residual before the step, green channel, grey levels.
+    /// RMS of the residual before the step, grey levels; computed for the green channel only.
     pub(super) residual_rms: f32,
 }
 
@@ -38,7 +38,7 @@ impl ChannelSolve {
         target.problem.model.forward(self.channel, &self.point, &mut self.prediction);
     }
 
-    /// The residual at the point, grey levels; before [`ChannelSolve::descend`].
+    /// Residual at the point, grey levels; to be called before [`ChannelSolve::descend`].
     pub(super) fn residual(&self, target: Target<'_>) -> Plane {
         let mut residual = self.prediction.clone();
         let trust = target.problem.observation.trust.plane(self.channel);
@@ -46,8 +46,8 @@ impl ChannelSolve {
         residual
     }
 
-    /// The point less its gradient, each wavelet level scaled to its own step length; the levels
-    /// are those of a transform at `shift`.
+    /// Returns the point after a gradient step that has its own length for each wavelet level of a
+    /// transform at `shift`.
     pub(super) fn descend(
         &mut self,
         target: Target<'_>,

@@ -21,20 +21,22 @@ use crate::frame::{Channel, FULL_SCALE, Frame, Plane, Work};
 /// Growth of the threshold from one level to the next coarser one. Measured; nearly flat.
 const GROWTH_PER_LEVEL: f32 = 1.7;
 
-/// Number of the finest levels of a colour photo whose thresholds have a least value: a narrow lens
-/// passes fine noise with the details, and by the rule for all levels that was sharpened with them.
+/// Number of the finest levels of a colour photo whose thresholds have a minimum: a narrow lens
+/// passes fine noise with the details, and without a minimum that noise would be sharpened with
+/// them.
 const FINEST: usize = 2;
-/// Least threshold of the finest levels, in noise σ. Set on the group of limits of `lab judging`.
+/// Minimum threshold of the finest levels, in noise σ. Set on the group of limits of `lab judging`.
 const LEAST_THRESHOLD: f32 = 0.45;
-/// The same where faint texture is protected ([`DetailMask::protect_texture`]). Guess: smaller by
-/// as much as all thresholds could be with little loss.
+/// Minimum threshold of the finest levels where faint texture is protected
+/// ([`DetailMask::protect_texture`]), in noise σ. Guess: smaller by as much as all thresholds could
+/// be with little loss.
 const LEAST_THRESHOLD_OF_TEXTURE: f32 = 0.2;
-/// Exponent of α, the power that the lens passes, by which the σ of [`LEAST_THRESHOLD`] is scaled.
-/// ½ is the noise that a step adds to a detail, and costs wide lenses 0.2 dB; 1 is the photo's own,
-/// and costs narrow ones as much.
+/// Exponent of α, the power that the lens passes, in the factor on the σ of [`LEAST_THRESHOLD`]. ½
+/// corresponds to the noise that a step adds to a detail, and costs wide lenses 0.2 dB; 1
+/// corresponds to the photo's own noise, and costs narrow lenses as much.
 const NOISE_EXPONENT: f32 = 0.75;
-/// Factor on the thresholds in a start along the axes, over those of a step. Set on astronaut,
-/// coffee, rocket and charts in ink.
+/// Factor on the thresholds of a step for a start along the axes. Set on astronaut, coffee, rocket
+/// and charts in ink.
 const START_THRESHOLD: f32 = 3.0;
 
 /// The parameters of the prior.
@@ -54,8 +56,9 @@ impl PriorSetting {
         (0..self.levels).map(move |level| base * GROWTH_PER_LEVEL.powi(level as i32))
     }
 
-    /// The same, of the [`FINEST`] levels at least `least` σ of the noise that the lens, which
-    /// passes `alpha` of a level's power, leaves in it.
+    /// The [common thresholds](PriorSetting::common_thresholds), but for the [`FINEST`] levels at
+    /// least `least` · σ · α^[`NOISE_EXPONENT`], where α = `alpha` is the share of a level's power
+    /// that the lens passes.
     fn thresholds(&self, noise: f32, least: f32, alpha: impl Fn(usize) -> f32) -> Vec<f32> {
         let with_least = |(level, common): (usize, f32)| {
             let least = least * noise * alpha(level).powf(NOISE_EXPONENT);
@@ -74,9 +77,9 @@ pub(super) struct ColourPrior<'a> {
     along: Option<Along<'a>>,
     luma: Option<AlongLuma>,
     mask: Cow<'a, DetailMask>,
-    /// For spinning.
+    /// Scratch memory for spinning.
     scratch: ShrinkageScratch,
-    /// For single shifts, which the channels make side by side.
+    /// Scratch memory for single shifts, in which the channels are shrunk in parallel.
     pool: Mutex<Vec<ShrinkageScratch>>,
 }
 
@@ -86,7 +89,7 @@ struct Along<'a> {
     transforms: AlongAxes,
     /// Threshold of each level for a step of length 1, see [`Thresholds`].
     weights: Vec<f32>,
-    /// Of each of the finest levels the share of its threshold that applies to protected texture.
+    /// For each of the finest levels, the share of its threshold that applies to protected texture.
     texture_shares: Vec<f32>,
     passed: Vec<[f32; 3]>,
     starts: AxisStarts,
@@ -148,8 +151,8 @@ impl<'a> ColourPrior<'a> {
         }
     }
 
-    /// Whether faint textures can be protected: only along axes have the finest levels a least
-    /// threshold, and only white noise can be distinguished from texture.
+    /// Whether faint textures can be protected: only the prior along axes has thresholds for them,
+    /// and only white noise can be distinguished from texture.
     pub(super) fn can_protect_texture(&self, observation: &Observation) -> bool {
         self.along.is_some() && observation.sampling.interpolated().is_none()
     }
@@ -178,8 +181,8 @@ impl<'a> ColourPrior<'a> {
         pool().push(scratch);
     }
 
-    /// Refines a start along the axes: several times, its details are drawn to the axes, and
-    /// Wiener's filter of its residual is added.
+    /// Refines a start along the axes: repeatedly draws its details to the axes and subtracts its
+    /// residual through Wiener's filter.
     pub(super) fn refine_start(&self, target: Target<'_>, picture: &mut Frame<Work>) {
         let Target { problem, data, mask, .. } = target;
         let model = problem.model;
@@ -207,8 +210,8 @@ impl<'a> ColourPrior<'a> {
         }
     }
 
-    /// Draws the `planes` of the solved channels towards the prior: `spun` over shifts, or at the
-    /// shift of step `step`.
+    /// Draws the `planes` of the solved channels towards the prior, averaged over shifts if `spun`,
+    /// otherwise at the shift of step `step`.
     pub(super) fn apply(&mut self, planes: &mut [Plane], step: usize, spun: bool) {
         let (shift, mask) = (self.shrinkage.shift(step), &*self.mask);
         if let Ok(planes) = <&mut [Plane; 3]>::try_from(&mut *planes) {
@@ -254,13 +257,13 @@ impl<'a> ColourPrior<'a> {
     }
 }
 
-/// `weights` of each level over its norm: thresholds of steps as long as the norm allows.
+/// Thresholds for steps as long as the norms allow: the `weights` of each level over its norm.
 fn over_norms(weights: Vec<f32>, norms: &LevelNorms) -> Vec<f32> {
     weights.into_iter().enumerate().map(|(level, weight)| weight / norms.at(level)).collect()
 }
 
-/// The thresholds of each opponent colour. They mix the channels' steps, and the threshold goes
-/// with the shortest.
+/// Thresholds of each opponent colour. An opponent colour mixes the channels' steps; its threshold
+/// is that of the shortest one.
 fn opponent_thresholds(
     setting: PriorSetting,
     observation: &Observation,

@@ -13,9 +13,10 @@
 //!   ([`crate::deconvolution::wavelet_shrinkage::Shrinkage::in_clusters`]);
 //! * start and prior along the axes of a photo's colours ([`ColourAxes`]): three quarters of the
 //!   steps;
-//! * cycle spinning (Coifman & Donoho 1995) in two gears. One shift a step, another at each, is
-//!   cheap but leaves a trace of the last shift; the mean over all shifts leaves none but costs
-//!   many transforms. The first steps shift, the last [`SETTLING_STEPS`] spin.
+//! * cycle spinning (Coifman & Donoho 1995) in two stages. A single shift, another one at each
+//!   step, is cheap but leaves a trace of the last shift; the mean over all shifts leaves none but
+//!   costs many transforms. The first steps use single shifts, the last [`SETTLING_STEPS`] the
+//!   mean.
 
 use rayon::prelude::*;
 
@@ -38,17 +39,18 @@ use crate::frame::{Channel, FULL_SCALE, Frame, Plane, STRETCH, Work};
 
 /// Noise-to-signal power of the start at one grey level of noise. Less makes night scenes noisy.
 const START_NOISE_TO_SIGNAL: f32 = 0.01;
-/// Last steps of a solve, at most half of them rounded up, in which the shrinkage is averaged over
-/// shifts.
+/// Number of final steps of a solve, at most half of them rounded up, in which the shrinkage is
+/// averaged over shifts.
 pub const SETTLING_STEPS: u32 = 3;
 
-/// Steps at the photo's own grid after those on binned pixels. Before block matching more gain
-/// nothing, without it two gain 0.001 SSIM (`tests/tables/tried.md`).
+/// Number of steps on the photo's own grid after those on binned pixels. If block matching follows,
+/// more gain nothing; if not, two gain 0.001 SSIM (`tests/tables/tried.md`).
 const OWN_STEPS: u32 = 1;
-/// Residual of a picture on binned pixels, in σ of the photo's noise, above which they are too
-/// coarse for the scene. A raw photo is then solved at its own grid from the start, another one in
-/// [`OWN_STEPS_OF_COARSE`] steps from that picture. Nine photographs have at most 1.24, raw or
-/// developed, a page and a chart of fine strokes 1.53 to 1.89 (`tests/tables/tried.md`).
+/// Maximum residual of a picture on binned pixels, in σ of the photo's noise. Above it binned
+/// pixels are too coarse for the scene: a raw photo is then solved on its own grid from the start,
+/// another one by [`OWN_STEPS_OF_COARSE`] steps from that picture. Nine photographs, raw or
+/// developed, have at most 1.24; a page and a chart of fine strokes have 1.53 to 1.89
+/// (`tests/tables/tried.md`).
 const BINNED_RESIDUAL_MAX: f32 = 1.5;
 const OWN_STEPS_OF_COARSE: u32 = 4;
 
@@ -61,12 +63,12 @@ pub struct Digital {
     pub strength: f32,
     /// Wavelet levels.
     pub levels: usize,
-    /// A stage with block matching after the steps.
+    /// Block-matching stage after the steps, if any.
     pub blocks: Option<Blocks>,
 }
 
 impl Default for Digital {
-    /// What rigs restore by: more steps gain nothing.
+    /// Parameters by which rigs restore; more steps gain nothing.
     fn default() -> Digital {
         Digital { steps: 16, strength: STRENGTH, levels: WAVELET_LEVELS, blocks: None }
     }
@@ -75,24 +77,24 @@ impl Default for Digital {
 /// The method's properties.
 pub const ABOUT: About = About { name: "digital", starts_from_lens: true };
 
-/// What a solve starts from.
+/// Starting point of a solve.
 pub(super) enum Start {
-    /// A first guess. Faint texture is looked for halfway.
+    /// A first guess; faint texture is detected halfway.
     Guess(Frame<Work>),
-    /// A solved picture. Faint texture is looked for at once.
+    /// A solved picture; faint texture is detected at the first step.
     Picture {
         /// The picture on the canvas.
         picture: Frame<Work>,
-        /// K̂ of it.
+        /// Prediction K̂ of the picture.
         prediction: Frame<Work>,
     },
 }
 
-/// The structure that a solve takes from the photo before it starts.
+/// Structure of the photo, computed before a solve.
 pub(super) struct PhotoStructure {
-    /// Where the photo has details.
+    /// Detail mask of the photo.
     pub(super) mask: DetailMask,
-    /// The axes of its colours, where it is solved along them.
+    /// Colour axes of the photo, if it is solved along them.
     pub(super) axes: Option<ColourAxes>,
 }
 
@@ -134,8 +136,8 @@ impl Digital {
         PhotoStructure { mask, axes }
     }
 
-    /// The photo of `problem` solved: on binned pixels and in few steps at its own grid, or there
-    /// alone.
+    /// Solves the photo of `problem`: on binned pixels and then in few steps on its own grid, or on
+    /// its own grid alone.
     pub(super) fn solve_photo(
         &self,
         problem: &Problem<'_>,
@@ -167,7 +169,8 @@ impl Digital {
         (picture, course.record)
     }
 
-    /// The photo of `problem` solved on binned pixels, at its own grid; `None` where it has none.
+    /// Solves the photo of `problem` on binned pixels and enlarges the picture to the photo's own
+    /// grid; `None` if the problem cannot be binned.
     fn solve_binned(
         &self,
         problem: &Problem<'_>,
@@ -181,7 +184,7 @@ impl Digital {
         Some((problem.frame_of(|c| resize(picture.plane(c), problem.size())), steps))
     }
 
-    /// The photo of `problem` solved at its own grid alone.
+    /// Solves the photo of `problem` on its own grid alone.
     fn solve_at_own_grid(
         &self,
         problem: &Problem<'_>,
@@ -193,7 +196,7 @@ impl Digital {
         Digital { steps, ..*self }.solve_from_filter(problem, structure, watch)
     }
 
-    /// The photo of `problem` solved from Wiener's filter, refined along its colour axes if it has
+    /// Solves the photo of `problem` from Wiener's filter, refined along its colour axes if it has
     /// any.
     fn solve_from_filter(
         &self,
@@ -214,7 +217,7 @@ impl Digital {
         self.solve_from(target, Start::Guess(start), watch)
     }
 
-    /// All channels of `target` solved from `start`; the record is the green channel's.
+    /// Solves all channels of `target` from `start`; the record is the green channel's.
     pub(super) fn solve_from(
         &self,
         target: Target<'_>,
@@ -280,7 +283,7 @@ impl Digital {
     }
 }
 
-/// Computes K̂ of the points of `solves`, where it is not `known`.
+/// Sets the predictions K̂ of `solves` to `known`, or computes them.
 fn predict(solves: &mut [ChannelSolve], known: Option<Frame<Work>>, target: Target<'_>) {
     match known {
         Some(mut known) => {
@@ -293,11 +296,11 @@ fn predict(solves: &mut [ChannelSolve], known: Option<Frame<Work>>, target: Targ
     }
 }
 
-/// The data of `target` to expect by the predictions of `solves`; `None` where the data do not
-/// depend on them.
+/// Expected data of `target`, given the predictions of `solves`; `None` if the data do not depend
+/// on them.
 ///
-/// A correction's data are the photo less a defect that captures showed. The camera saw that
-/// defect, so it is added to the prediction and taken off the data again.
+/// The data of a correction are the photo less a defect that captures showed. The camera saw that
+/// defect, so it is added to the predictions and subtracted from the expected data again.
 fn expected_data(target: Target<'_>, solves: &[ChannelSolve]) -> Option<Frame<Work>> {
     let observation = target.problem.observation;
     let mut seen: Frame<Work> = observation.light.clone();

@@ -9,8 +9,8 @@
 //!
 //! With a poor model the corrected candidate can overshoot. Light is linear: the photograph of
 //! L + α(L′ − L) is y + α(y′ − y), so the best α follows from the two captures, and the optical
-//! residual never grows. α may exceed 1 after a correction of a few steps, which does not go all
-//! the way; not after one by block matching, which does.
+//! residual never grows. α may exceed 1 after a correction of a few steps, which has not converged,
+//! but not after one by block matching, which has.
 
 use rayon::prelude::*;
 
@@ -27,31 +27,31 @@ use crate::deconvolution::wavelet::{Details, Scratch, Sym8};
 use crate::deconvolution::wavelet_shrinkage::{Shrinkage, ShrinkageScratch};
 use crate::frame::{Channel, Frame, Mosaic, Plane, Size, Work};
 
-/// Proximal steps of each correction. More gain nothing where the model is right, and build on its
-/// errors where it is not (`tests/tables/truthful-wrong-models.md`).
+/// Proximal steps of each correction. More steps gain nothing if the model is right, and build on
+/// its errors if it is wrong (`tests/tables/truthful-wrong-models.md`).
 pub const CORRECTION_STEPS: u32 = 4;
-/// The same where block matching follows, which goes the rest of the way
+/// Proximal steps of each correction that block matching follows and completes
 /// (`tests/tables/constants.md`).
 pub const STEPS_BEFORE_BLOCKS: u32 = 2;
 /// Soft threshold of the measured defect, in σ of its noise; measured.
 const DEFECT_THRESHOLD: f32 = 2.0;
-/// Defect, as a share of the noise floor in its largest channel, below which the model counts as
-/// right. Measured on the laboratory's group of limits: correcting less than 0.26 gains nothing or
-/// loses, from 0.3 on it gains (`tests/tables/constants.md`).
+/// Largest defect at which the model is taken to be right, as a share of the noise floor in the
+/// channel where that share is largest. Measured on the laboratory's group of limits: correcting
+/// less than 0.26 gains nothing or loses, from 0.3 on it gains (`tests/tables/constants.md`).
 const DEFECT_FLOOR: f32 = 0.28;
 /// Factor by which a wrong model shortens the steps of a correction: each level's α is at least
 /// this times the defect's share of the picture's power; measured.
 const CAREFULNESS: f32 = 25.0;
 /// Soft threshold of a defect at a mosaic's sites, in σ of the sensor's noise there.
 const SITES_THRESHOLD: f32 = 1.0;
-/// Largest α along a correction by wavelets, whose few steps do not go all the way. Beyond it the
-/// line through two captures follows their noise.
+/// Largest α along a correction by wavelets, whose few steps do not converge. Beyond it the line
+/// through two captures follows their noise.
 const STEP_MAX: f64 = 1.5;
-/// The same of a correction by block matching. With 1.5 a second capture of a lens that was touched
-/// loses half of the first one's gain (`tests/tables/truthful-worth.md`).
+/// Largest α along a correction by block matching. With 1.5 a second capture through a lens that
+/// was touched loses half of the first one's gain (`tests/tables/truthful-worth.md`).
 const STEP_MAX_BY_BLOCKS: f64 = 1.0;
-/// Levels of the defect's shrinkage: the approximation, which is not shrunk, averages 16×16 pixels
-/// and is far below its noise.
+/// Levels of the defect's shrinkage. The approximation is not shrunk: it averages 16×16 pixels, so
+/// its noise is a sixteenth of a pixel's.
 const DEFECT_LEVELS: usize = 4;
 
 /// The method and its parameters.
@@ -62,8 +62,8 @@ pub struct Hybrid {
     /// Proximal steps of each correction. Few are better than many: stopping early keeps a poor
     /// model from building on its own errors.
     pub correction_steps: u32,
-    /// Captures a photo may cost, at least 1. With 1 the first correction is not confirmed by
-    /// light.
+    /// Maximum number of captures per photo, at least 1. With 1 the first correction is not
+    /// confirmed by a capture.
     pub captures_max: u32,
 }
 
@@ -97,7 +97,7 @@ impl Method for Hybrid {
             let Some(mut defect) = run.find_defect(&candidate, capture == 1) else { break };
             let (picture, prediction) = run.correct(&candidate, &mut defect, watch);
             if capture == last {
-                // The only capture is spent: no light certifies the correction.
+                // The only capture is used up, and none certifies the correction.
                 run.certificate.optical_residual = None;
                 (candidate.picture, candidate.prediction) = (picture, prediction);
                 break;
@@ -123,7 +123,7 @@ impl Hybrid {
     }
 }
 
-/// One photo on its way through the method.
+/// The run of the method on one photo.
 struct Run<'a> {
     method: &'a Hybrid,
     problem: &'a Problem<'a>,
@@ -152,7 +152,7 @@ impl<'a> Run<'a> {
         self.problem.observation.channels.list()
     }
 
-    /// The solution with the measured lens, and its capture.
+    /// Solves with the measured lens and captures the picture.
     fn first_candidate(
         &mut self,
         optics: &mut dyn ForwardConvolution,
@@ -180,8 +180,9 @@ impl<'a> Run<'a> {
         watch(&step, Some(&candidate.picture));
     }
 
-    /// The defect d of the model at `candidate`, with the known one, on the canvas, linear light;
-    /// `None` for a solved photo, or a hopeless one.
+    /// Defect d of the model at `candidate`, including the known one, on the canvas, linear light;
+    /// `None` if there is nothing more to correct or the photo is hopeless
+    /// ([`Problem::is_hopeless`]).
     fn find_defect(&self, candidate: &Candidate, is_first: bool) -> Option<Frame<Work>> {
         let (problem, channels) = (self.problem, self.channels());
         let unexplained = candidate.seen.unexplained(&candidate.prediction, channels);
@@ -205,8 +206,9 @@ impl<'a> Run<'a> {
         Some(light)
     }
 
-    /// What is `unexplained` beyond the known defect, (y − K̂L) − d, with its noise shrunk away;
-    /// zero where the capture is not trusted or the photo has no data.
+    /// New part of the defect, (y − K̂L) − d, with its noise shrunk away: what is `unexplained`
+    /// less the known defect. Pixels that the capture does not trust enter as zero; the result is
+    /// zero where the photo has no data.
     fn measure_defect(&self, mut unexplained: Frame<Work>, candidate: &Candidate) -> Frame<Work> {
         let problem = self.problem;
         let shrinkage = Shrinkage::new(problem.size(), DEFECT_LEVELS);
@@ -233,7 +235,7 @@ impl<'a> Run<'a> {
         unexplained
     }
 
-    /// The solution of K̂L = B − d from `candidate`, and its prediction.
+    /// Solves K̂L = B − d from `candidate`; returns the picture and its prediction.
     fn correct(
         &mut self,
         candidate: &Candidate,
@@ -254,7 +256,7 @@ impl<'a> Run<'a> {
         let correction = Digital { steps: method.correction_steps, blocks, ..method.digital };
         let norms = &self.careful_norms(&candidate.picture, defect);
         let PhotoStructure { mask, axes } = &self.structure;
-        // B − d in place of d, and back.
+        // Replaces d by B − d; called again, it restores d.
         let subtract_from_photo = |defect: &mut Frame<Work>| {
             for &c in observation.channels.list() {
                 let photo = observation.light.plane(c);
@@ -279,7 +281,8 @@ impl<'a> Run<'a> {
     /// wrong.
     ///
     /// With a wrong model a correction overshoots in the levels where (K − K̂) is not small against
-    /// what K̂ passes. The defect over the picture, level by level, measures it.
+    /// what K̂ passes. The ratio of the defect's power to the picture's measures it, level by
+    /// level.
     fn careful_norms(&self, picture: &Frame<Work>, defect: &Frame<Work>) -> [LevelNorms; 3] {
         let method = self.method;
         let mut norms = self.problem.level_norms.clone();
@@ -297,7 +300,7 @@ impl<'a> Run<'a> {
         norms
     }
 
-    /// The solution that `candidate` is.
+    /// Turns `candidate` into the solution.
     fn finish(mut self, candidate: Candidate) -> Solution {
         let Candidate { picture, prediction, .. } = candidate;
         self.certificate.model_residual = Some(self.problem.model_residual(&prediction));
@@ -310,8 +313,8 @@ impl<'a> Run<'a> {
     }
 }
 
-/// Shrinks `plane` at the sites of one channel, each phase of the mosaic as a plane of its own, in
-/// which noise is white; between them the result is interpolated.
+/// Shrinks `plane` at the sites of one channel and interpolates between them. Each phase of the
+/// mosaic is shrunk as a plane of its own, in which noise is white.
 fn shrink_sites(
     plane: &mut Plane,
     channel: Channel,
@@ -324,7 +327,7 @@ fn shrink_sites(
         let half = |side: usize, first: usize| (side - first).div_ceil(2);
         let size = Size::new(half(plane.width(), x0), half(plane.height(), y0));
         let mut phase = Plane::from_fn(size, |x, y| plane.at(2 * x + x0, 2 * y + y0));
-        // One level fewer is as coarse.
+        // At half the resolution one level fewer is as coarse.
         let shrinkage = Shrinkage::new(size, DEFECT_LEVELS - 1);
         shrinkage.shrink_everywhere(&mut phase, &[threshold], None, 0, scratch);
         for y in 0..size.height {

@@ -1,6 +1,6 @@
 //! The methods, one file each.
 //!
-//! | name | captures a photo | what it is |
+//! | name | captures per photo | what it is |
 //! |---|---|---|
 //! | [`paper`] | 4 + 5·n | Eqs. 4–7 as printed, flip–FC–flip backward |
 //! | [`hybrid`] | 1 to 1 + corrections | lens model, certified and corrected by captures; default |
@@ -8,15 +8,15 @@
 //! | [`digital`] | 0 | lens model only |
 //! | [`wiener`], [`richardson_lucy`], [`total_variation`] | 0 | baselines |
 //!
-//! Choices that the paper leaves open (each held by a test in `tests/rigs/method.rs`):
+//! Choices that the paper leaves open (each checked by a test in `tests/rigs/method.rs`):
 //!
 //! * **Factor 2 of Eq. 7** is kept in `paper`: the step on Kᵀ(KL − B) is 2τ, stable for τ < 1/‖K‖².
 //! * **Threshold λτ/2** of Eq. 6 is kept as printed, although the proximal step of Eq. 4 would be
 //!   λτ.
 //! * **Levels**: four, approximation untouched; borders of the transform periodised, hence
 //!   orthonormal.
-//! * **Boundary**: the canvas is larger than the photo and solved with it; B counts only where it
-//!   exists.
+//! * **Boundary**: the canvas is larger than the photo and solved with it; residuals are zero where
+//!   B has no data.
 //! * **Margin and border patches**: see [`super::patches`].
 
 pub mod blocks;
@@ -45,27 +45,27 @@ use super::forward_convolution::{ForwardConvolution, Seen};
 use crate::frame::{Frame, Size, Work};
 use crate::remedy::AnyFailure;
 
-/// A method's properties, whatever its parameters: for rig files, lists and the judge.
+/// Properties of a method that do not depend on its parameters, for rig files, lists and the judge.
 #[derive(Debug, PartialEq, Eq)]
 pub struct About {
-    /// Its name in rig files, tables and reports.
+    /// Name in rig files, tables and reports.
     pub name: &'static str,
-    /// Whether it starts from the lens model and its prior: its result is then near the solution by
-    /// the lens alone, unless captures lead it away.
+    /// Whether the method starts from the lens model and its prior. Its result is then near the
+    /// solution by the lens alone, unless captures change it.
     pub starts_from_lens: bool,
 }
 
 /// A method with its parameters.
 pub trait Method {
-    /// Its properties.
+    /// Properties of the method.
     fn about(&self) -> &'static About;
 
-    /// Its name in rig files, tables and reports.
+    /// Name in rig files, tables and reports.
     fn name(&self) -> &'static str {
         self.about().name
     }
 
-    /// Most captures of one photo.
+    /// Maximum number of captures per photo.
     fn captures_max(&self) -> u32 {
         0
     }
@@ -82,7 +82,8 @@ pub trait Method {
     ) -> Result<Solution, MethodError>;
 }
 
-/// Wavelet levels of the priors: the coarsest details are wider than any blur in question.
+/// Number of wavelet levels of the priors; the coarsest details are wider than any blur to be
+/// undone.
 pub const WAVELET_LEVELS: usize = 4;
 /// Soft threshold at one grey level of noise for a step of length 1, grey levels. Chosen on the
 /// study's scenes.
@@ -91,7 +92,8 @@ const STRENGTH: f32 = 0.09;
 /// and 4 are 0.06, 0.1, 0.3 and 0.75 to 1.5: in logarithms a line of slope 1.3 to 1.5.
 const EXPONENT: f32 = 1.4;
 
-/// The soft threshold at a noise σ of `noise`, `strength` at one grey level of noise.
+/// Soft threshold at a noise σ of `noise` grey levels, given the threshold `strength` at one grey
+/// level.
 fn soft_threshold(strength: f32, noise: f32) -> f32 {
     strength * noise.max(NOISE_MIN).powf(EXPONENT)
 }
@@ -99,11 +101,11 @@ fn soft_threshold(strength: f32, noise: f32) -> f32 {
 /// Optics of a solve without captures: every capture fails.
 #[derive(Debug, Clone, Copy)]
 pub struct NoOptics {
-    /// The Work grid.
+    /// Size of the Work grid.
     pub size: Size,
 }
 
-/// A capture without a camera.
+/// The error of a capture that was requested without a camera.
 #[derive(Debug, Clone, Copy, thiserror::Error)]
 #[error("a capture was requested, and there is no camera")]
 pub struct NoCamera;

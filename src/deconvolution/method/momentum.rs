@@ -1,5 +1,6 @@
 //! Nesterov's momentum as in FISTA (Beck & Teboulle 2009), restarted when it points uphill
-//! (O'Donoghue & Candès 2015), by the inner product of pictures in memory: no capture is spent.
+//! (O'Donoghue & Candès 2015). The test is an inner product of pictures in memory and costs no
+//! capture.
 
 use rayon::prelude::*;
 
@@ -8,7 +9,7 @@ use crate::frame::{Plane, STRETCH};
 /// The momentum of one channel's iteration.
 #[derive(Debug, Clone)]
 pub struct Momentum {
-    /// `stepped` of the step before; empty before the first.
+    /// `stepped` of the previous step; empty before the first.
     previous: Plane,
     t: f64,
 }
@@ -21,7 +22,7 @@ impl Default for Momentum {
 }
 
 impl Momentum {
-    /// Moves `point`, at which the gradient was taken and led to `stepped`, to the next point.
+    /// Moves `point`, from which the gradient step led to `stepped`, to the next point.
     pub fn next(&mut self, point: &mut Plane, stepped: &Plane) {
         if self.previous.size() != stepped.size() {
             // The first step has no momentum.
@@ -33,7 +34,7 @@ impl Momentum {
             .zip(stepped.data().par_chunks(STRETCH))
             .zip(self.previous.data().par_chunks(STRETCH));
         let parts: Vec<f64> = stretches.map(|((y, x), x_old)| along(y, x, x_old)).collect();
-        // Summed in order: the same on any number of threads.
+        // Summed in order, so that the sum is the same on any number of threads.
         let uphill: f64 = parts.iter().sum();
         let restart = uphill > 0.0;
         let t = if restart { 1.0 } else { self.t };

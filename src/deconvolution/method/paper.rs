@@ -37,8 +37,8 @@ pub struct Paper {
     pub backward: Backward,
     /// Wavelet levels.
     pub levels: usize,
-    /// Whether τ is limited to 1/‖K‖², and a step undone whose photograph is farther from the
-    /// photo. The paper has neither; with its own τ and patches neither applies.
+    /// Whether τ is limited to 1/‖K‖², and steps are undone when the iteration diverges. The paper
+    /// has neither; with its own τ and patches neither takes effect.
     pub bounded: bool,
 }
 

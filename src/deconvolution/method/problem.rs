@@ -1,4 +1,4 @@
-//! What a method is given and what it gives back.
+//! Input and output of a method: problem, solution and error.
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -16,8 +16,8 @@ use crate::deconvolution::registration::{Comparison, Registration, common_mask};
 use crate::frame::{Channel, Frame, Mosaic, Plane, Size, Work};
 use crate::remedy::{AnyFailure, Remediable, Remedy};
 
-/// Whether no scene can explain the photo through the measured lens, judged by K̂L of a candidate:
-/// further captures are then useless.
+/// Test of whether no scene can explain the photo through the measured lens, given K̂L of a
+/// candidate; further captures are then useless.
 pub type Hopeless<'a> = &'a (dyn Fn(&Frame<Work>) -> bool + Sync);
 
 /// One photo to be solved.
@@ -26,15 +26,15 @@ pub struct Problem<'a> {
     pub observation: &'a Observation,
     /// The measured lens, K̂.
     pub model: &'a LensModel,
-    /// ‖K‖² of each channel, an upper bound, which limits the steps. Of raw sites that of √weight ·
-    /// K at the sites; the level norms likewise.
+    /// Upper bound on ‖K‖² of each channel, which limits the step lengths. For raw sites it is the
+    /// norm of √weight · K at the sites; so are the level norms.
     pub norm_squared: [f32; 3],
     /// Share of each wavelet level's power that the lens passes, per channel: the step lengths of
     /// solves with the lens model.
     pub level_norms: &'a [LevelNorms; 3],
-    /// The same of K at all pixels, for solves on binned ones.
+    /// Level norms of K at all pixels, for solves on binned pixels.
     pub pixel_norms: &'a [LevelNorms; 3],
-    /// The filters over the canvas where captures are valid at a sensor's raw sites only.
+    /// Colour-filter mosaic over the canvas, if captures are valid at a sensor's raw sites only.
     pub capture_mosaic: Option<Mosaic>,
     /// Noise σ of one capture per channel, grey levels.
     pub capture_noise: [f32; 3],
@@ -50,8 +50,8 @@ impl<'a> Problem<'a> {
         self.observation.size()
     }
 
-    /// A capture of `shown`, registered to its `prediction` ([`Registration`]), its panel beat
-    /// removed.
+    /// Captures `shown`, registers the capture to its `prediction` ([`Registration`]) and removes
+    /// its panel beat.
     ///
     /// # Errors
     /// When the capture fails.
@@ -78,13 +78,13 @@ impl<'a> Problem<'a> {
         Ok(seen)
     }
 
-    /// RMS that noise alone leaves of FC(L) − B in one channel: √(photo² + capture²), grey levels.
+    /// RMS of FC(L) − B in one channel due to noise alone: √(photo² + capture²), grey levels.
     pub fn noise_floor(&self, channel: Channel) -> f32 {
         let least = |noise: [f32; 3]| noise[channel.index()].max(NOISE_MIN);
         least(self.observation.noise).hypot(least(self.capture_noise))
     }
 
-    /// RMS of a capture's residual in one channel, grey levels: at the sites where it is valid.
+    /// RMS of a capture's residual in one channel over the sites where it is valid, grey levels.
     pub fn capture_rms(&self, channel: Channel, seen: &Plane) -> f32 {
         let Some(mosaic) = self.capture_mosaic else {
             return self.observation.residual_rms(channel, seen);
@@ -98,7 +98,7 @@ impl<'a> Problem<'a> {
         rms_over_data(&difference, &trust)
     }
 
-    /// K̂ of `picture` in the solved channels.
+    /// Prediction K̂ of `picture` in the solved channels.
     pub fn predict(&self, picture: &Frame<Work>) -> Frame<Work> {
         self.model.seen(self.observation.channels.list(), picture)
     }
@@ -141,8 +141,7 @@ impl<'a> Problem<'a> {
         frame
     }
 
-    /// The solution of a method that solves each channel by itself, by `solve`; the record is
-    /// green's.
+    /// Solves each channel by itself with `solve`; the record is the green channel's.
     pub(super) fn solve_by_channel(
         &self,
         solve: impl Fn(Channel) -> (Plane, IterationRecord) + Sync,
@@ -166,31 +165,31 @@ impl<'a> Problem<'a> {
     }
 }
 
-/// One solve of a problem with the lens model: its data may be corrected ones.
+/// One solve of a problem with the lens model, possibly for corrected data.
 #[derive(Clone, Copy)]
 pub(super) struct Target<'a> {
     /// The problem.
     pub(super) problem: &'a Problem<'a>,
-    /// The data in place of B.
+    /// Data to solve for in place of B.
     pub(super) data: &'a Frame<Work>,
     /// The photo's detail mask.
     pub(super) mask: &'a DetailMask,
-    /// The axes of its colours, where they are solved along axes.
+    /// The photo's colour axes, if it is solved along them.
     pub(super) axes: Option<&'a ColourAxes>,
     /// The level norms that set the step lengths.
     pub(super) norms: &'a [LevelNorms; 3],
 }
 
-/// A finished picture.
+/// Result of a solve.
 #[derive(Debug, Clone)]
 pub struct Solution {
     /// L on the canvas, linear light.
     pub picture: Frame<Work>,
-    /// K̂L in the solved channels, where the method computed it.
+    /// K̂L in the solved channels, if the method computed it.
     pub prediction: Option<Frame<Work>>,
-    /// The iterations.
+    /// Record of the iterations.
     pub record: IterationRecord,
-    /// Its measured residuals.
+    /// Measured residuals of the picture.
     pub certificate: Certificate,
 }
 
@@ -201,24 +200,24 @@ impl Solution {
     }
 }
 
-/// Residuals of the picture's photograph against the photo, grey levels.
+/// Residuals of the picture's photograph and prediction against the photo, grey levels.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub struct Certificate {
-    /// RMS(FC(L) − B) of the returned picture, if it was photographed; of the channel with the
-    /// largest ratio to its floor.
+    /// RMS(FC(L) − B) of the returned picture, in the channel with the largest ratio to its noise
+    /// floor; `None` if the picture was not photographed.
     pub optical_residual: Option<f32>,
-    /// RMS(K̂L − B) of the returned picture, if it was computed; green channel.
+    /// RMS(K̂L − B) of the returned picture in the green channel; `None` if it was not computed.
     pub model_residual: Option<f32>,
-    /// RMS that noise alone would leave, √(photo² + capture²), in the channel of the optical
-    /// residual; green without one.
+    /// RMS residual of noise alone, √(photo² + capture²), in the channel of the optical residual,
+    /// or in green if there is none.
     pub noise_floor: f32,
-    /// Corrections by captures in the picture.
+    /// Number of corrections by captures that the picture contains.
     pub corrections: u32,
 }
 
 impl Certificate {
-    /// The certificate of a picture before any measurement: the noise floor.
+    /// The certificate of a picture before any measurement: the noise floor alone.
     pub fn uncertified(problem: &Problem<'_>) -> Self {
         Certificate { noise_floor: problem.noise_floor(Channel::Green), ..Certificate::default() }
     }
@@ -249,7 +248,7 @@ impl Certificate {
     }
 }
 
-/// Why a method gave no picture.
+/// Why a method returned no picture.
 #[derive(Debug, thiserror::Error)]
 pub enum MethodError {
     /// A capture failed, or was cancelled.

@@ -5,14 +5,14 @@ use serde::{Deserialize, Serialize};
 use crate::deconvolution::forward_convolution::ForwardConvolution;
 use crate::frame::{Frame, Work};
 
-/// Called after each step with its record and, where the method has it at hand, the current
-/// picture: progress, and proof to a watchdog that a long solve is alive.
+/// Callback after each step, with its record and, if the method has it at hand, the current
+/// picture. It reports progress, and proves to a watchdog that a long solve is alive.
 pub type Watch<'a> = dyn FnMut(&Step, Option<&Frame<Work>>) + 'a;
 
-/// Steps recorded; of a longer run the first ones.
+/// Maximum number of recorded steps; of a longer run the first ones are kept.
 pub(super) const STEPS_MAX: usize = 256;
 
-/// The residual that a step reports.
+/// Kind of residual that a step reports.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum ResidualOf {
@@ -27,7 +27,7 @@ pub enum ResidualOf {
 pub struct Step {
     /// Number of the iteration, from 1.
     pub iteration: u32,
-    /// Root mean square over the pixels with data, green channel, grey levels, *before* the step.
+    /// RMS residual *before* the step over the pixels with data of the green channel, grey levels.
     pub residual: f32,
     /// The kind of `residual`.
     pub of: ResidualOf,
@@ -44,7 +44,7 @@ pub struct IterationRecord {
 }
 
 impl IterationRecord {
-    /// Adds `step`; it is dropped past [`STEPS_MAX`].
+    /// Adds `step`; beyond [`STEPS_MAX`] it is dropped.
     pub fn push(&mut self, step: Step) {
         // A full record loses late steps, whose residuals hardly differ, and never allocates.
         let _ = self.steps.push(step);
@@ -63,7 +63,7 @@ type Seconds<'a> = &'a (dyn Fn() -> f64 + Sync);
 pub(super) struct Course<'a> {
     stopwatch: Seconds<'a>,
     begun: f64,
-    /// Captures of the optics before the solve.
+    /// Number of captures before the solve.
     pub(super) captures_before: usize,
     iterations: u32,
     pub(super) record: IterationRecord,
@@ -86,7 +86,7 @@ impl<'a> Course<'a> {
         (self.stopwatch)() - self.begun
     }
 
-    /// Records a step after `captures` of the optics in all.
+    /// Records a step, where `captures` is the total number of captures by the optics.
     pub(super) fn step(&mut self, residual: f32, of: ResidualOf, captures: usize) -> Step {
         self.iterations += 1;
         let captures = captures.saturating_sub(self.captures_before) as u32;
@@ -96,7 +96,7 @@ impl<'a> Course<'a> {
         step
     }
 
-    /// Appends the steps of an inner solve that started after `captures` and `seconds`.
+    /// Appends the steps of an inner solve that started after so many `captures` and `seconds`.
     pub(super) fn extend(&mut self, steps: &IterationRecord, captures: u32, seconds: f64) {
         for step in steps.steps() {
             self.iterations += 1;

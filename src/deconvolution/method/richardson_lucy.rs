@@ -9,10 +9,10 @@ use crate::frame::{Channel, FULL_SCALE, Plane};
 /// Steps of the baseline: the study's best at one grey level of noise.
 pub const STEPS: u32 = 20;
 
-/// Richardson (1972) and Lucy (1974): multiplicative steps, which keep light positive.
+/// Richardson (1972) and Lucy (1974): multiplicative steps, which keep the light positive.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RichardsonLucy {
-    /// Steps; noise grows with them.
+    /// Number of steps; noise grows with it.
     pub steps: u32,
 }
 

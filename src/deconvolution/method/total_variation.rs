@@ -1,10 +1,10 @@
 //! Deconvolution with total variation as the prior and the measured lens: a baseline, and the
 //! reference solution that results are judged by. No capture.
 //!
-//! Minimises ½‖K̂L − B‖² + μ TV(L) over 0 ≤ L ≤ 255 by proximal steps with momentum; the proximal
-//! point of the isotropic total variation by its dual (Beck & Teboulle 2009, "Fast gradient-based
-//! algorithms for constrained total variation image denoising and deblurring problems"), a few
-//! steps of it, going on from the last ones.
+//! Minimises ½‖K̂L − B‖² + μ TV(L) over 0 ≤ L ≤ 255 by proximal steps with momentum. The proximal
+//! point of the isotropic total variation is computed by a few steps on its dual (Beck & Teboulle
+//! 2009, "Fast gradient-based algorithms for constrained total variation image denoising and
+//! deblurring problems"), which continue from the dual of the last proximal step.
 
 use super::record::Course;
 use super::{
@@ -15,7 +15,8 @@ use crate::deconvolution::data_term;
 use crate::deconvolution::forward_convolution::ForwardConvolution;
 use crate::frame::{Channel, FULL_SCALE, Plane, Size};
 
-/// Dual steps in each proximal step; they continue from the last one's, so few suffice. Guess.
+/// Dual steps in each proximal step; they continue from those of the last one, so few suffice.
+/// Guess.
 const DUAL_STEPS: usize = 5;
 
 /// The method and its parameters.
@@ -28,8 +29,8 @@ pub struct TotalVariation {
 }
 
 impl Default for TotalVariation {
-    /// The reference solution that results are judged by, since it keeps flat areas flat: the best
-    /// of the chart of speed against accuracy.
+    /// Parameters of the reference solution, the best of the chart of speed against accuracy.
+    /// Results are judged by it because it keeps flat areas flat.
     fn default() -> TotalVariation {
         TotalVariation { steps: 40, strength: 3.0 * STRENGTH }
     }
@@ -54,7 +55,8 @@ impl Method for TotalVariation {
         };
         let first = solve(problem, watch);
         let observation = problem.observation;
-        // A JPEG's data depend on the prediction: once more with those of the first solution.
+        // A JPEG's data depend on the prediction, so it is solved again for those of the first
+        // solution.
         let prediction = first.prediction.as_ref();
         let data = prediction.and_then(|of_first| observation.sampling.expected_data(of_first));
         let Some(data) = data else { return Ok(first) };
@@ -65,7 +67,7 @@ impl Method for TotalVariation {
 }
 
 impl TotalVariation {
-    /// The light of the channel `c` of `problem`, and its steps.
+    /// Solves channel `c` of `problem`; returns its light and the record of its steps.
     pub(crate) fn solve_channel(
         &self,
         problem: &Problem<'_>,
@@ -124,7 +126,8 @@ impl Dual {
         }
     }
 
-    /// x = noisy + weight · div p. By rows and without branches: half of a solution's time is here.
+    /// x = noisy + weight · div p. By rows and without branches, since half of a solution's time is
+    /// spent here.
     fn primal(&self, noisy: &Plane, weight: f32, out: &mut Plane) {
         let (width, height) = (noisy.width(), noisy.height());
         let nothing = vec![0.0; width];

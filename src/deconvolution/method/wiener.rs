@@ -16,8 +16,8 @@ use crate::frame::{Channel, FULL_SCALE, Plane, Rect, Size};
 /// Noise-to-signal power of the baseline at one grey level of noise: the study's best.
 pub const NOISE_TO_SIGNAL: f32 = 0.01;
 
-/// Wiener (1949), tile by tile with the lens function at the tile's middle; neighbours overlap
-/// under a raised cosine and are summed, so that no seam shows.
+/// Wiener's filter (1949), applied tile by tile with the lens function at the tile's middle.
+/// Neighbouring tiles overlap under a raised cosine and are summed, so that no seam shows.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Wiener {
     /// Noise power over signal power at one grey level of noise; it grows with the noise squared.
@@ -52,7 +52,7 @@ impl Method for Wiener {
 }
 
 impl Wiener {
-    /// One channel of the photo filtered.
+    /// Filters one channel of the photo.
     pub(super) fn filter_channel(&self, problem: &Problem<'_>, channel: Channel) -> Plane {
         let observation = problem.observation;
         let blurred = observation.light.plane(channel);
@@ -61,7 +61,7 @@ impl Wiener {
         picture
     }
 
-    /// `blurred`, which may have either sign, filtered by the noise of `channel`.
+    /// Filters `blurred`, which may have either sign, given the noise of `channel`.
     pub(super) fn filter(
         &self,
         observation: &Observation,
@@ -86,12 +86,12 @@ struct TileFilter<'a> {
     down: TileWindow,
     columns: Range<isize>,
     rows: Range<isize>,
-    /// Pixels beyond a window that the blur reaches, so that nothing wraps around.
+    /// Pixels of padding around a window: the reach of the blur, so that nothing wraps around.
     reach: usize,
     transform: Transform2,
 }
 
-/// A row of tiles, which overlaps the next.
+/// A filtered row of tiles, which overlaps the next row.
 struct FilteredRow {
     top: isize,
     light: Plane,
@@ -126,7 +126,7 @@ impl<'a> TileFilter<'a> {
         }
     }
 
-    /// The whole channel filtered.
+    /// Filters the whole channel.
     fn filter(&self) -> Plane {
         let rows = self.rows.clone().into_par_iter();
         let filtered: Vec<FilteredRow> = rows.map(|row| self.filter_row(row)).collect();
@@ -143,8 +143,8 @@ impl<'a> TileFilter<'a> {
         picture
     }
 
-    /// One row of tiles filtered, two tiles in one transform: the second, or the first again at the
-    /// end of the row, is the imaginary part.
+    /// Filters one row of tiles, two tiles per transform: the imaginary part is the second tile, or
+    /// the first again at the end of the row.
     fn filter_row(&self, row: isize) -> FilteredRow {
         let mut light = Plane::zeros(Size::new(self.photo.width(), self.down.length()));
         let top = self.down.corner(row, self.rect.y);
@@ -186,8 +186,8 @@ impl<'a> TileFilter<'a> {
         }
     }
 
-    /// Adds one `part` of the filtered `values`, the tile at `(row, column)`, to its row under its
-    /// window.
+    /// Adds the tile at `(row, column)`, one `part` of the filtered `values`, to `light`, its row
+    /// of tiles, weighted by its window.
     fn add(
         &self,
         values: &[Complex32],
@@ -212,7 +212,8 @@ impl<'a> TileFilter<'a> {
     }
 }
 
-/// The least product of 2, 3 and 5 from `least` on: other lengths transform several times slower.
+/// The smallest product of powers of 2, 3 and 5 that is at least `least`; other lengths transform
+/// several times slower.
 fn smooth_length(least: usize) -> usize {
     let smooth = |n: usize| {
         let without = |mut n: usize, factor: usize| {
@@ -233,7 +234,7 @@ struct TileWindow {
     overlap: usize,
 }
 
-/// The overlap is one over this of a tile. An overlap of a whole tile takes twice as long and gains
+/// Ratio of a tile's size to its overlap. An overlap of a whole tile takes twice as long and gains
 /// at most 0.0005 SSIM after the solve.
 const OVERLAP: usize = 3;
 
@@ -259,8 +260,8 @@ impl TileWindow {
         lowest.unwrap_or_default()..highest.unwrap_or_default() + 1
     }
 
-    /// One, with a raised cosine over the overlaps with other tiles of `places`; neighbours sum to
-    /// one.
+    /// Weights of the window at `place`: 1, with a raised cosine over the overlaps with other tiles
+    /// of `places`, so that neighbours sum to 1.
     fn weights(&self, place: isize, places: &Range<isize>) -> Vec<f32> {
         let rising = |at: usize| {
             let share = (at as f32 + 0.5) / self.overlap as f32;
@@ -309,9 +310,9 @@ impl Transform2 {
         }
     }
 
-    /// Two real pictures, the real and the imaginary part of `values`, each through H* / (|H|² +
-    /// ratio), H the transform of its own `taps` with their middle at the origin. `lens` is memory
-    /// to work in, as large as `values`.
+    /// Filters two real pictures, the real and the imaginary part of `values`, each by
+    /// H*/(|H|² + `ratio`), where H is the transform of the picture's own `taps` with their middle
+    /// at the origin. `lens` is scratch memory as large as `values`.
     fn filter(
         &self,
         values: &mut [Complex32],

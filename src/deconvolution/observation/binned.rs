@@ -7,7 +7,7 @@ use crate::deconvolution::data_term::{MISSING, SATURATED, TRUSTED};
 use crate::frame::{Channel, Frame, Plane, Rect, Size, SquarePlace, Work};
 
 impl Observation {
-    /// The data of `channel` in a square of two by two pixels.
+    /// Places of the data of `channel` in a square of two by two pixels.
     fn data_of_square(&self, channel: Channel) -> Vec<SquarePlace> {
         match self.sampling.mosaic() {
             Some(mosaic) => SquarePlace::sites(mosaic, channel),
@@ -15,8 +15,8 @@ impl Observation {
         }
     }
 
-    /// The places whose light the mean over the data of a square holds: interpolated pixels hold
-    /// that of sites, if their camera interpolated bilinearly.
+    /// Places whose light the mean over a square's data contains. Interpolated pixels contain that
+    /// of sites around them; their camera is assumed to have interpolated bilinearly.
     pub fn light_of_square(&self, channel: Channel) -> Vec<SquarePlace> {
         match self.sampling.interpolated() {
             Some(mosaic) => SquarePlace::interpolated(mosaic, channel),
@@ -24,8 +24,8 @@ impl Observation {
         }
     }
 
-    /// The means over the data of each square of two by two pixels; `None` for data without such
-    /// means, and a canvas that does not divide by two.
+    /// Observation of the means over the data of each square of two by two pixels; `None` if the
+    /// data have no such means or a side of the canvas is odd.
     pub fn binned(&self) -> Option<Observation> {
         let Size { width, height } = self.size();
         if !width.is_multiple_of(2) || !height.is_multiple_of(2) {
@@ -48,8 +48,8 @@ impl Observation {
                 [MISSING, SATURATED].into_iter().find(is_any).unwrap_or(TRUSTED)
             })
         };
-        // Noise that interpolation spread remains in part: between σ of white noise and the
-        // datum's own, the geometric mean gains most (`tests/tables/constants.md`).
+        // Averaging removes only part of noise that interpolation spread: between σ of white noise
+        // and the datum's own, the geometric mean gains most (`tests/tables/constants.md`).
         let noise = |c: Channel| {
             let data = data[c.index()].len() as f32;
             self.pixels_a_datum(c).powf(0.25) * self.data_noise(c) / data.sqrt()

@@ -6,9 +6,10 @@ use crate::frame::Mosaic;
 /// Developed light.
 #[derive(Debug, Clone)]
 pub struct Developed {
-    /// The filters between whose sites the camera interpolated, over the canvas.
+    /// Colour-filter mosaic over the canvas from whose sites the camera interpolated, if it did.
     pub interpolated: Option<Mosaic>,
-    /// Whether a JPEG's blocks are visible: coding coarsened the colours, and they have no axes.
+    /// Whether a JPEG's blocks are visible: its coding has coarsened the colours, and their axes
+    /// cannot be estimated.
     pub has_blocks: bool,
 }
 

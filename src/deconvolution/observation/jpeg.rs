@@ -5,9 +5,9 @@ use super::sampling::{DataKind, Sampling};
 use crate::deconvolution::jpeg::{AlongLuma, JpegTerm};
 use crate::frame::{Channel, Frame, Mosaic, Size, Work};
 
-/// Factor on the noise-to-signal ratio of the start: coding errors lie about edges, and what a
-/// start makes of them remains where the file leaves the picture open. Set on coffee and rocket;
-/// between 3 and 8 it hardly matters.
+/// Factor on the noise-to-signal ratio of the start. Coding errors surround edges, and those that a
+/// start amplifies remain where the coefficients do not determine the picture. Set on coffee and
+/// rocket; between 3 and 8 it hardly matters.
 const START_NOISE_FACTOR: f32 = 6.0;
 
 /// A JPEG's coefficients.
@@ -15,7 +15,7 @@ const START_NOISE_FACTOR: f32 = 6.0;
 pub struct Jpeg {
     /// The coefficients with their intervals.
     pub term: JpegTerm,
-    /// The filters between whose sites the camera interpolated, over the canvas.
+    /// Colour-filter mosaic over the canvas from whose sites the camera interpolated, if it did.
     pub interpolated: Option<Mosaic>,
 }
 
@@ -44,7 +44,8 @@ impl Sampling for Jpeg {
         self.term.is_data().then(|| self.term.redecoded(prediction))
     }
 
-    /// Before the first two steps, in which the prediction changes most, and then every third.
+    /// Before steps 1 and 2, in which the prediction changes most, and then before every third
+    /// step.
     fn updates_data_at(&self, step: u32) -> bool {
         self.term.is_data() && (step == 2 || step % 3 == 1)
     }
@@ -53,8 +54,8 @@ impl Sampling for Jpeg {
         START_NOISE_FACTOR
     }
 
-    /// Coefficients leave more open than pixels do: half as many steps again gain 0.005 SSIM and
-    /// 0.33 dB at quality 90 (`tests/tables/constants.md`).
+    /// Coefficients determine the picture less than pixels do: 1.5 times the steps gain 0.005 SSIM
+    /// and 0.33 dB at quality 90 (`tests/tables/constants.md`).
     fn solve_steps(&self, steps: u32, _has_axes: bool) -> u32 {
         if self.term.is_data() { 3 * steps / 2 } else { steps }
     }

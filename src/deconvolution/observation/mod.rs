@@ -1,9 +1,9 @@
 //! An observation: a photo's data on the solver's canvas, with weights and noise.
 //!
-//! What a photo's data *are* differs by the file: [`Developed`] light, [`Raw`] sites behind colour
-//! filters, or the quantised coefficients of a [`Jpeg`]. Solver, judge, laboratory and charts ask
-//! an observation the same questions, listed in [`Sampling`]; each kind answers in its own file. A
-//! new kind of data is one more file here, and a line in [`Pipeline::prepare`].
+//! What a photo's data *are* depends on the file: [`Developed`] light, [`Raw`] sites behind colour
+//! filters, or the quantised coefficients of a [`Jpeg`]. Solver, judge, laboratory and charts see
+//! the differences only through the trait [`Sampling`], which each kind implements in its own file.
+//! A new kind of data needs one more file here, and a line in [`Pipeline::prepare`].
 //!
 //! [`Pipeline::prepare`]: crate::pipeline::Pipeline::prepare
 
@@ -36,8 +36,8 @@ pub struct Observation {
     pub rect: Rect,
     /// The observed channels.
     pub channels: Channels,
-    /// Noise σ of a pixel at the photo's mean light, per channel, grey levels. Of a coded photo
-    /// with its coding errors.
+    /// Noise σ of a pixel at the photo's mean light, per channel, grey levels; for a coded photo it
+    /// includes coding errors.
     pub noise: [f32; 3],
     /// Light whose shot noise equals the noise without light, per channel, grey levels; infinite
     /// where σ does not follow the light.
@@ -52,7 +52,8 @@ impl Observation {
         self.light.size()
     }
 
-    /// The same observation with other data `light` on the canvas, of noise σ `noise`, grey levels.
+    /// The same observation with other data, `light` on the canvas, of noise σ `noise`, grey
+    /// levels.
     pub fn with_data(&self, light: Frame<Work>, noise: [f32; 3]) -> Observation {
         Observation {
             light,
@@ -63,7 +64,7 @@ impl Observation {
         }
     }
 
-    /// Pixels of the canvas for each datum of `channel`: the weight of its residual.
+    /// Number of canvas pixels per datum of `channel`: the weight of its residual.
     pub fn weight(&self, channel: Channel) -> f32 {
         self.sampling.mosaic().map_or(1.0, |_| Mosaic::pixels_a_site(channel))
     }
@@ -89,20 +90,20 @@ impl Observation {
         self.noise[channel.index()] * self.weight(channel).sqrt()
     }
 
-    /// RMS over the observed channels of the σ that thresholds follow, grey levels.
+    /// RMS over the observed channels of [`Observation::threshold_noise`], grey levels.
     pub fn mean_noise(&self) -> f32 {
         let channels = self.channels.list();
         let power: f32 = channels.iter().map(|&c| self.threshold_noise(c).powi(2)).sum();
         (power / channels.len() as f32).sqrt()
     }
 
-    /// Noise σ that the thresholds of `channel` follow, grey levels: that of the data, at full
-    /// resolution.
+    /// Noise σ from which the thresholds of `channel` are computed, grey levels: that of the data,
+    /// converted to full resolution.
     pub fn threshold_noise(&self, channel: Channel) -> f32 {
         self.data_noise(channel) * self.weight(channel).sqrt()
     }
 
-    /// `plane`, valid at the data of `channel`, interpolated between them.
+    /// Interpolates `plane`, which is valid at the data of `channel`, between them.
     pub fn interpolate(&self, channel: Channel, plane: Plane) -> Plane {
         match self.sampling.mosaic() {
             Some(mosaic) => mosaic.filled(channel, &plane),
@@ -116,7 +117,7 @@ impl Observation {
         plane.update(trust, |v, trust| *v = if trust == MISSING { 0.0 } else { *v });
     }
 
-    /// RMS over the data of `prediction − B` in one channel, grey levels.
+    /// RMS of `prediction` − B over the data of one channel, grey levels.
     pub fn residual_rms(&self, channel: Channel, prediction: &Plane) -> f32 {
         let mut difference = prediction.clone();
         let trust = self.trust.plane(channel);
@@ -140,8 +141,7 @@ impl Observation {
         DetailMask::of(&self.noisy_planes(), levels, self.sampling.mosaic().is_some())
     }
 
-    /// Whether nothing in the photo rises above its noise: flat everywhere, whatever its broad
-    /// shading.
+    /// Whether the photo has no details above its noise; broad shading does not matter.
     pub fn is_blank(&self) -> bool {
         self.detail_mask(1).is_flat()
     }

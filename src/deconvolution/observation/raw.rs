@@ -3,15 +3,15 @@
 use super::sampling::{AxisStarts, DataKind, Sampling};
 use crate::frame::{Channel, Mosaic};
 
-/// Factors on the thresholds of the two finest levels, for each opponent colour: only the prior
-/// knows details that fall between sites, and colours have few of their own. Set on astronaut and
-/// coffee.
+/// Factors on the thresholds of the two finest levels, for each opponent colour. The prior alone
+/// determines details that fall between sites, and colour differences have few such details. Set on
+/// astronaut and coffee.
 const FINEST_THRESHOLDS: [[f32; 2]; 3] = [[3.0, 2.0], [10.0, 4.0], [10.0, 4.0]];
 
 /// Raw sites.
 #[derive(Debug, Clone)]
 pub struct Raw {
-    /// The filters over the canvas.
+    /// Colour-filter mosaic over the canvas.
     pub mosaic: Mosaic,
 }
 
@@ -34,7 +34,7 @@ impl Sampling for Raw {
         AxisStarts { count: 4, noise_to_signal: 16.0 * folded * folded }
     }
 
-    /// Steps between sites are shorter, and the axes save none.
+    /// With data at sites the steps are shorter, and a start along the axes saves none.
     fn solve_steps(&self, steps: u32, _has_axes: bool) -> u32 {
         steps
     }

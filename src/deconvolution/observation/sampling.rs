@@ -1,4 +1,4 @@
-//! What solver and judge ask of a kind of data.
+//! Properties of a kind of data on which solver and judge depend.
 
 use super::Developed;
 use crate::deconvolution::jpeg::AlongLuma;
@@ -21,13 +21,13 @@ pub trait Sampling: std::fmt::Debug + Send + Sync {
     /// The kind of data.
     fn kind(&self) -> DataKind;
 
-    /// The filters over the canvas, where each pixel is data of its filter's channel only.
+    /// Colour-filter mosaic over the canvas, if each pixel holds data of its filter's channel only.
     fn mosaic(&self) -> Option<Mosaic> {
         None
     }
 
-    /// The filters between whose sites the camera interpolated full-colour data. Their noise is not
-    /// white.
+    /// Colour-filter mosaic over the canvas from whose sites the camera interpolated full-colour
+    /// data, if it did. The noise of such data is not white.
     fn interpolated(&self) -> Option<Mosaic> {
         None
     }
@@ -37,13 +37,13 @@ pub trait Sampling: std::fmt::Debug + Send + Sync {
         true
     }
 
-    /// Noise σ of the data of `channel`, grey levels, where that of the pixels is `pixel_noise`.
+    /// Noise σ of the data of `channel`, grey levels, given the σ `pixel_noise` of its pixels.
     fn data_noise(&self, _channel: Channel, pixel_noise: f32) -> f32 {
         pixel_noise
     }
 
-    /// The data to expect where the forward model predicts `prediction` (on the canvas); `None`
-    /// where the data do not depend on it.
+    /// Expected data, given the forward model's `prediction` on the canvas; `None` if the data do
+    /// not depend on it.
     fn expected_data(&self, _prediction: &Frame<Work>) -> Option<Frame<Work>> {
         None
     }
@@ -54,8 +54,8 @@ pub trait Sampling: std::fmt::Debug + Send + Sync {
         false
     }
 
-    /// The kind of the means over the data in squares of two by two pixels; `None` where they have
-    /// no such means.
+    /// Kind of the means over the data in squares of two by two pixels; `None` if the data have no
+    /// such means.
     fn binned(&self) -> Option<Developed> {
         Some(Developed { interpolated: None, has_blocks: !self.has_colour_axes() })
     }
@@ -65,13 +65,14 @@ pub trait Sampling: std::fmt::Debug + Send + Sync {
         1.0
     }
 
-    /// Starts along the colour axes, for a lens whose functions are `lens_width_px` wide.
+    /// Parameters of a start along the colour axes, for a lens whose functions are `lens_width_px`
+    /// wide.
     fn axis_starts(&self, _lens_width_px: f32) -> AxisStarts {
         AxisStarts { count: 2, noise_to_signal: 0.05 }
     }
 
-    /// Steps of a solve, of the `steps` that the method asks for; fewer from a start along the
-    /// colour axes.
+    /// Number of steps of a solve, given the method's `steps`; fewer for a start along the colour
+    /// axes.
     fn solve_steps(&self, steps: u32, has_axes: bool) -> u32 {
         if has_axes { (3 * steps).div_ceil(4) } else { steps }
     }
@@ -91,11 +92,11 @@ pub trait Sampling: std::fmt::Debug + Send + Sync {
     fn finish(&self, _picture: &mut Frame<Work>, _photo: &Frame<Work>) {}
 }
 
-/// Starts of a solve along the colour axes.
+/// Parameters of a start along the colour axes, which is refined several times.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct AxisStarts {
-    /// Their number.
+    /// Number of refinements.
     pub count: usize,
-    /// Noise-to-signal power at one grey level of noise.
+    /// Noise-to-signal power of Wiener's filter at one grey level of noise.
     pub noise_to_signal: f32,
 }

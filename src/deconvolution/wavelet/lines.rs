@@ -15,9 +15,9 @@ const COLUMNS_AT_A_TIME: usize = 256;
 /// How a result is written.
 #[derive(Debug, Clone, Copy)]
 pub enum Put {
-    /// Replaces what there is.
+    /// It replaces the present values.
     Set,
-    /// Is added to it.
+    /// It is added to the present values.
     Add,
 }
 
@@ -34,7 +34,7 @@ impl Put {
     }
 }
 
-/// The filters, and the size of parallel tasks.
+/// The filters of one level, and the size of parallel tasks.
 #[derive(Debug, Clone)]
 pub(super) struct Lines {
     analysis: [[f32; 16]; 2],
@@ -57,7 +57,7 @@ impl Lines {
         Lines { analysis, synthesis: [every_second(1), every_second(0)], pixels_per_task: None }
     }
 
-    /// The same in parallel tasks of about `pixels`.
+    /// The same filters run in parallel tasks of about `pixels`.
     pub(super) fn parallel(self, pixels: usize) -> Self {
         Lines { pixels_per_task: Some(pixels), ..self }
     }
@@ -130,8 +130,8 @@ impl Lines {
         });
     }
 
-    /// The transpose of [`Lines::analyse_columns`] without its shift: 2 · `from.height` rows, the
-    /// last one first.
+    /// The transpose of [`Lines::analyse_columns`] without its shift: writes 2 · `from.height`
+    /// rows, the last one first.
     pub(super) fn synthesise_columns(
         &self,
         low: &[f32],
@@ -223,7 +223,7 @@ impl Lines {
         }
     }
 
-    /// Rows of `width` per task, if `length` numbers are more than one task.
+    /// Rows of `width` per task; `None` if `length` numbers fit one task.
     fn rows_per_task(&self, length: usize, width: usize) -> Option<usize> {
         let rows = (self.pixels_per_task? / width.max(1)).max(1);
         (length > rows * width).then_some(rows)

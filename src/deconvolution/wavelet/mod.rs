@@ -4,7 +4,8 @@
 //! a\[o\] = Σⱼ lo\[j\] x\[(2o + 8 − j) mod N\] and likewise d with hi: an orthonormal change of
 //! basis, whose transpose is the synthesis. A line of odd length is extended by its last pixel,
 //! which synthesis drops (as PyWavelets' "periodization" does): reconstruction is perfect, but the
-//! basis is not orthonormal at that border. Planes whose sides are multiples of 2^levels have none.
+//! basis is not orthonormal at that border. If both sides of a plane are multiples of 2^levels, it
+//! has no such border.
 
 mod lines;
 mod two_sums;
@@ -104,7 +105,7 @@ impl Sym8 {
     /// The transform of planes of `size` with `levels` levels.
     ///
     /// # Panics
-    /// Without a level.
+    /// When `levels` is 0.
     pub fn new(size: Size, levels: usize) -> Self {
         assert!(levels > 0, "a transform has a level");
         let mut sizes = vec![size];
@@ -207,7 +208,8 @@ impl Sym8 {
         self.synthesise_shifted(coefficients, (0, 0), (out, Put::Set), scratch);
     }
 
-    /// The inverse of [`Sym8::analyse_shifted`]; replaces `out`, or is added to it.
+    /// The inverse of [`Sym8::analyse_shifted`]; `put` says whether the result replaces `out` or is
+    /// added.
     pub fn synthesise_shifted(
         &self,
         coefficients: &Coefficients,

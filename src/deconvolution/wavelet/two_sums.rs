@@ -3,8 +3,8 @@
 
 use crate::frame::instructions::{Kernel, multiply_add, run_fastest};
 
-/// `out[c][i]` = Σⱼ `taps[c][j]` · `rows[j][i]` for c = 0 (`first`) and 1 (`second`), which have
-/// one length; rows are at least as long.
+/// `out[c][i]` = Σⱼ `taps[c][j]` · `rows[j][i]`, where `out[0]` is `first` and `out[1]` is
+/// `second`, both of one length; rows are at least as long.
 pub(super) fn two_sums(
     rows: &[&[f32]; 16],
     taps: &[[f32; 16]; 2],

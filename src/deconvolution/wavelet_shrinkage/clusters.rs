@@ -2,8 +2,8 @@
 //!
 //! v ← v · max(0, 1 − t/√P), where P is the mean power of the 3×3 details about v, weighted (1 2
 //! 1)/4 along both axes and periodic like the transform. Among details of its own size v shrinks by
-//! t, as in soft thresholding; isolated by 2t ("windowed group lasso": Kowalski & Torrésani 2009,
-//! "Sparsity and persistence").
+//! t, as in soft thresholding; an isolated detail shrinks by 2t ("windowed group lasso": Kowalski &
+//! Torrésani 2009, "Sparsity and persistence").
 
 use crate::frame::Plane;
 use crate::frame::instructions::{Kernel, run_fastest};
@@ -36,8 +36,8 @@ impl Kernel for Shrink<'_> {
     fn run<const FUSED: bool>(self) {
         let Shrink { band, threshold, factors, rows } = self;
         let (width, height) = (band.width(), band.height());
-        // The original powers of the first row, the row above, this row and the row below, then
-        // their weighted sums.
+        // Powers of the original details in the first row, the row above, this row and the row
+        // below, followed by their weighted sums.
         let (ones, rows) = rows.split_at_mut(width);
         let (first, rows) = rows.split_at_mut(width);
         let (mut above, rest) = rows.split_at_mut(width);

@@ -3,7 +3,7 @@
 //!
 //! With a `shift` the plane is shifted cyclically, transformed, shrunk and shifted back. The mean
 //! over a set of shifts is cycle spinning (Coifman and Donoho, "Translation-invariant de-noising",
-//! 1995); another shift at each step spreads it over the iteration.
+//! 1995); using a different shift at each step spreads that mean over the iteration.
 
 mod clusters;
 mod spinning;
@@ -16,7 +16,7 @@ use crate::frame::{Plane, Size};
 pub(super) use spinning::{EVERYWHERE, SHIFTS};
 use spinning::{Spinning, SpinningScratch, Thresholding};
 
-/// Soft thresholding of the details of Symlets 8, singly (the paper's) or in clusters; the
+/// Soft thresholding of Symlets 8 details, one by one (as in the paper) or in clusters; the
 /// approximation is unchanged.
 #[derive(Debug, Clone)]
 pub struct Shrinkage {
@@ -43,8 +43,8 @@ impl Shrinkage {
         }
     }
 
-    /// The same with details shrunk by the power of their neighbourhood: edges are clusters of
-    /// large details, noise is not.
+    /// The same shrinkage, but details shrink by the power of their neighbourhood: edges are
+    /// clusters of large details, noise is not.
     #[must_use]
     pub fn in_clusters(self) -> Self {
         Shrinkage { clusters: true, ..self }
@@ -54,8 +54,8 @@ impl Shrinkage {
     /// consecutive shifts are spread evenly over the period of the coarsest level.
     pub fn shift(&self, step_index: usize) -> (usize, usize) {
         let bits = self.transform.levels();
-        // The even and the odd bits of the index, counted bit-reversed: the first 2ᵏ are evenly
-        // spread.
+        // The even and the odd bits of the index form two bit-reversed counters, so that the first
+        // 2ᵏ shifts are evenly spread.
         let reversed = |every_second: usize| {
             let bit = |b: usize| (every_second >> (2 * b) & 1) << (bits - 1 - b);
             (0..bits).map(bit).sum::<usize>()
@@ -78,8 +78,9 @@ impl Shrinkage {
         self.shrink_levels(plane, &[threshold], None, shift, scratch);
     }
 
-    /// [`Shrinkage::shrink`] with a threshold for each level, finest first, the last one for all
-    /// coarser levels. Thresholds of clusters are multiplied by the factors of `mask`.
+    /// Shrinks with a threshold for each level, finest first, the last one for all coarser levels.
+    /// Thresholds of clusters are multiplied by the factors of `mask`. Else as
+    /// [`Shrinkage::shrink`].
     pub fn shrink_levels(
         &self,
         plane: &mut Plane,
@@ -110,8 +111,8 @@ impl Shrinkage {
         scratch.coefficients = Some(coefficients);
     }
 
-    /// Multiplies the details of each level of `plane`, shifted by `shift`, finest first, and its
-    /// approximation by `factors`.
+    /// Multiplies the details of `plane`, shifted by `shift`, by one of `factors` for each level,
+    /// finest first, and its approximation by the last one.
     ///
     /// # Panics
     /// Unless there is one factor for each level and one for the approximation.

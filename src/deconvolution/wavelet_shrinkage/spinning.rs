@@ -3,7 +3,7 @@
 //! A transform of n levels has 4ⁿ shifts, a single level has four. Averaging each of the finest
 //! [`EVERYWHERE`] levels over its four shifts, and coarser levels over one, costs four one-level
 //! transforms of the plane per averaged level: 16 shifts for the price of seven whole transforms.
-//! The averaged levels are invariant to translation.
+//! The averaged levels are translation-invariant.
 
 use std::sync::{Mutex, PoisonError};
 

@@ -35,8 +35,8 @@ fn weights<const FUSED: bool>(t: f32) -> [f32; 4] {
     weights
 }
 
-/// Value of `plane` at column `x`, row `y` (pixel centres are integers), whose border repeats
-/// outside; zero if a position is not finite or the plane is empty.
+/// Interpolated value of `plane` at column `x`, row `y`; pixel centres are integers, and border
+/// pixels repeat outside. Zero if a position is not finite or the plane is empty.
 pub fn sample(plane: &Plane, x: f32, y: f32) -> f32 {
     let (width, height) = (plane.width() as isize, plane.height() as isize);
     if !(x.is_finite() && y.is_finite()) || width == 0 || height == 0 {
@@ -64,8 +64,8 @@ fn border_taps(length: isize, place: f32) -> ([usize; 4], [f32; 4]) {
     ([0, 1, 2, 3].map(|n| (first + n).clamp(0, length - 1) as usize), weights)
 }
 
-/// `plane` displaced by `x` pixels to the right and `y` down, its border repeated. As [`warp`] with
-/// maps of one displacement, whose weights are the same everywhere.
+/// `plane` displaced by `x` pixels to the right and `y` down, its border repeated. Equals [`warp`]
+/// with constant displacements, but computes the weights once.
 pub fn translate(plane: &Plane, x: f32, y: f32) -> Plane {
     let mut out = Plane::zeros(plane.size());
     if plane.size().area() > 0 {
@@ -86,11 +86,11 @@ impl Kernel for Translate<'_> {
     fn run<const FUSED: bool>(self) {
         let Translate { plane, x, y, out } = self;
         let (width, height) = (plane.width(), plane.height());
-        // The taps about −x and −y, as of any pixel.
+        // Taps around −x and −y relative to a pixel, the same for every pixel.
         let (left, wx) = shifted_taps(x);
         let (top, wy) = shifted_taps(y);
         let near = |at: isize, length: usize| at.clamp(0, length as isize - 1) as usize;
-        // Blended rows, with the three columns more that the taps reach.
+        // A row blended along y, and the same row with the three more columns that the taps reach.
         let (mut blended, mut padded) = (vec![0.0; width], vec![0.0; width + 3]);
         for row in 0..height {
             let [a, b, c, d] =
@@ -120,8 +120,8 @@ fn shifted_taps(shift: f32) -> (isize, [f32; 4]) {
     (whole as isize - 1, weights::<false>(-shift - whole))
 }
 
-/// Sets `out`(i, j) to the value of `source`, whose border repeats outside, at column
-/// `map_x`(i, j), row `map_y`(i, j).
+/// Sets `out`(i, j) to the value of `source` at column `map_x`(i, j), row `map_y`(i, j); border
+/// pixels of `source` repeat outside.
 ///
 /// # Panics
 /// When the maps and `out` differ in size.
@@ -180,7 +180,8 @@ fn all_inside(length: usize, places: &[f32; AT_A_TIME]) -> bool {
     inside
 }
 
-/// First tap of each position (above 1, below 2²²) and its distance from the second tap.
+/// First tap of each position (above 1, below 2²²), and the position's distance from the second
+/// tap.
 ///
 /// Avoids `floor`, a library call on baseline x86-64. The integer part may be one too small with a
 /// remainder of 1, which is equivalent.

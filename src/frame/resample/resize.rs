@@ -6,8 +6,9 @@ use super::KEYS_A;
 use crate::frame::{Plane, Size};
 
 /// Resamples `plane` to `size`. Both cover the same rectangle: pixel i of n is at (i+½)/n of its
-/// side. Each new pixel is a mean of old ones weighted by Keys' kernel, stretched for reduction to
-/// avoid aliasing; at the border only pixels inside count. An empty plane gives black.
+/// side. Each new pixel is a mean of old ones weighted by Keys' kernel, which is stretched for
+/// reduction to avoid aliasing; at the border only pixels inside are used. An empty plane gives
+/// black.
 pub fn resize(plane: &Plane, size: Size) -> Plane {
     resize_rows(plane, size, 0..size.height)
 }
@@ -46,7 +47,7 @@ struct Taps {
     weights: Vec<f32>,
 }
 
-/// Taps of the new pixels `part`, of `to`, among `from` old ones.
+/// Taps of the range `part` of `to` new pixels among `from` old ones.
 fn taps(from: usize, to: usize, part: Range<usize>) -> Vec<Taps> {
     let scale = from as f64 / to as f64;
     let stretch = scale.max(1.0);

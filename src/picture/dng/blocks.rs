@@ -20,12 +20,12 @@ const FILLED_MAX: usize = 15;
 
 #[derive(Debug, Clone, Copy)]
 struct SiteBlock {
-    /// Where its bytes begin.
+    /// Place of its bytes in the file.
     from: usize,
-    /// The first of its sites.
+    /// Column and row of its first site.
     x: usize,
     y: usize,
-    /// Its part inside the picture.
+    /// Its columns and rows inside the picture.
     size: Size,
 }
 
@@ -33,16 +33,16 @@ struct SiteBlock {
 #[derive(Debug)]
 pub(super) struct SiteBlocks {
     bits: usize,
-    /// Bytes of a block's row; each row begins at a byte.
+    /// Bytes of a block's row; each row begins at a whole byte.
     row_bytes: usize,
     /// Together they hold each site once.
     blocks: Vec<SiteBlock>,
-    /// The picture's.
+    /// Columns and rows of the whole picture.
     pub(super) size: Size,
 }
 
 impl SiteBlocks {
-    /// The blocks of `directory`, with a picture of `size`.
+    /// The blocks in `directory` of a picture of `size`, with `bits` a site.
     pub(super) fn of(
         directory: &Directory<'_>,
         size: Size,
@@ -85,7 +85,7 @@ impl SiteBlocks {
         };
         let blocks: Vec<SiteBlock> = (0..counts.len()).map(place).collect();
         let rows = |of: &SiteBlock| if in_tiles { block.height } else { of.size.height };
-        // A smaller count that is right for another depth, as some programs write, is not needed.
+        // Some programs write the byte count of a smaller depth; it is accepted, as it is not used.
         let whole = |(of, &count): (&SiteBlock, &usize)| {
             let most = |bits: usize| rows(of) * (block.width * bits).div_ceil(8) + FILLED_MAX;
             let least = |bits: usize| rows(of) * block.width * bits / 8;
@@ -94,7 +94,7 @@ impl SiteBlocks {
         if !blocks.iter().zip(&counts).all(whole) {
             return Err(misfit());
         }
-        // A tile's padding below the picture is zeros.
+        // A tile's padding rows below the picture are not needed.
         let lengths: Vec<usize> = blocks.iter().map(|of| of.size.height * row_bytes).collect();
         file.strips(&offsets, &lengths, true)?;
         Ok(SiteBlocks { bits, row_bytes, blocks, size })
@@ -116,9 +116,9 @@ impl SiteBlocks {
         rows.flat_map(|from| &all[from..from + part.size.width]).copied().collect()
     }
 
-    /// A row's counts out of its bytes. Those of 8 or 16 bits are numbers of the file; others
-    /// follow each other bit by bit, the greatest first, whatever the order of the file's bytes
-    /// (TIFF 6.0, FillOrder 1).
+    /// Unpacks a row's counts. Those of 8 or 16 bits are in the file's byte order; others are
+    /// packed bit by bit, the most significant bit first, whatever the byte order (TIFF 6.0,
+    /// FillOrder 1).
     fn unpack(&self, packed: &[u8], big_endian: bool, row: &mut [u16]) {
         match self.bits {
             8 => row.iter_mut().zip(packed).for_each(|(to, &b)| *to = u16::from(b)),

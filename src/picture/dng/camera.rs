@@ -1,13 +1,13 @@
-//! A raw photo's camera and rig settings, as they stand in the file.
+//! A raw photo's camera and rig settings, as its file states them.
 
 use serde::{Deserialize, Serialize};
 
-/// The camera of a photo by its file.
+/// The camera of a photo, as its file states it.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct PhotoCamera {
     /// Maker and model.
     pub name: String,
-    /// Its serial number, if a raw photo states it.
+    /// Serial number, if a raw photo states it.
     pub serial: Option<String>,
     /// The rig's settings, in relens's own photos.
     pub setting: Option<RigSetting>,
@@ -29,26 +29,26 @@ pub struct RawTags<'a> {
     pub serial: Option<&'a str>,
     /// The rig's settings.
     pub setting: Option<&'a RigSetting>,
-    /// The response of each channel to light of sRGB's red, green and blue, in one unit; `None`
-    /// where the channels count as sRGB's.
+    /// Responses of each channel to sRGB's red, green and blue light, all in one unit; `None` if
+    /// the channels are taken as sRGB's.
     pub gains: Option<[[f64; 3]; 3]>,
     /// Noise variance of the sites in red, green and blue: per unit of light 0..1, and without
     /// light (DNG 1.4, NoiseProfile).
     pub noise: Option<[[f64; 2]; 3]>,
 }
 
-/// The beginnings of the two parts of relens's description.
+/// Beginnings of the identity and of the focus in relens's image description.
 const RIG: &str = "relens rig ";
 const FOCUS: &str = "; focus ";
 
 impl RigSetting {
-    /// The description, which other programs show and keep.
+    /// The settings as an image description, which other programs show and keep.
     pub(super) fn words(&self) -> String {
         let focus = self.focus.as_ref().map(|focus| format!("{FOCUS}{focus}"));
         format!("{RIG}{:016x}{}", self.identity, focus.unwrap_or_default())
     }
 
-    /// The settings in a description by [`RigSetting::words`]; `None` for others.
+    /// The settings in an image description by [`RigSetting::words`]; `None` for another one.
     pub(super) fn of_words(words: &str) -> Option<RigSetting> {
         let rest = words.strip_prefix(RIG)?;
         let (identity, focus) = rest.split_once(FOCUS).map_or((rest, None), |(i, f)| (i, Some(f)));

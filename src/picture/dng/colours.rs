@@ -18,15 +18,15 @@ const NEUTRAL_MIN: f64 = 0.01;
 /// Conversion from a camera's channels to linear sRGB.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct CameraColours {
-    /// Factors of the channels, by which white is full in all of them.
+    /// Factors of the channels that bring white to full scale in all of them.
     balance: [f32; 3],
     /// sRGB's red, green and blue (rows) from the balanced channels; each row adds up to 1.
     matrix: [[f32; 3]; 3],
 }
 
 impl CameraColours {
-    /// The conversion from a file's matrix, XYZ to camera, row by row, and its channels' responses
-    /// to white. `None` where these are invalid, or the channels are sRGB's.
+    /// The conversion by a file's matrix from XYZ to the camera, row by row, and the channels'
+    /// responses to white. `None` if these are invalid, or the channels are sRGB's.
     pub(super) fn of_file(camera_of_xyz: &[f64], neutral: [f64; 3]) -> Option<CameraColours> {
         let largest = neutral.iter().copied().fold(0.0, f64::max);
         let neutral = neutral.map(|v| v / largest);
@@ -61,7 +61,7 @@ impl CameraColours {
         all.into_iter().all(|v| v.is_finite())
     }
 
-    /// `light` behind the filters in linear sRGB.
+    /// Converts `light` behind the colour filters to linear sRGB.
     pub fn developed(&self, light: &Frame<Work>) -> Frame<Work> {
         Frame::from_fn(|to| self.developed_plane(light, to))
     }
@@ -79,10 +79,10 @@ impl CameraColours {
     }
 }
 
-/// The file's matrix from XYZ in ten-thousandths, and the responses to white. `gains[c]` are the
-/// responses of channel `c` to sRGB's red, green and blue, in one unit.
+/// The numbers for a file: its matrix from XYZ in ten-thousandths, and the responses to white.
+/// `gains[c]` are the responses of channel `c` to sRGB's red, green and blue, in one unit.
 pub(super) fn numbers_of(gains: Option<[[f64; 3]; 3]>) -> ([i32; 9], [f64; 3]) {
-    // Without a measurement the channels count as sRGB's.
+    // Without a measurement, the channels are taken as sRGB's.
     let Some(gains) = gains else { return (SRGB_OF_XYZ, [1.0; 3]) };
     let gains = Matrix3::from_fn(|to, from| gains[to][from]);
     let white = gains * Vector3::repeat(1.0);

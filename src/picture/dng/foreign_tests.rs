@@ -142,7 +142,7 @@ fn a_raspberry_pi_s_raw_photo_is_read_with_its_colours() {
         let pairs = photo.light.plane(c).data().iter().zip(wanted.plane(c).data());
         assert!(pairs.into_iter().all(|(a, b)| (a - b).abs() < 1e-3), "{c:?}");
     }
-    // What the Pi's own program makes of its balanced light is what is delivered.
+    // The result has the colours that the Pi's own program makes of its balanced light.
     let seen: Frame<Work> = Frame::from_fn(|c| Plane::filled(SIZE, [30.0, 90.0, 40.0][c.index()]));
     let balanced = [30.0 * GAINS[0], 90.0 * GAINS[1], 40.0 * GAINS[2]];
     let written = photo.with_picture(&seen, Format::Tiff).unwrap();

@@ -223,7 +223,7 @@ fn a_turned_raw_photo_comes_back_upright_pixel_for_pixel() {
     let stored = delivered(1);
     for orientation in [1, 3, 6, 8] {
         let result = delivered(orientation);
-        // Whoever shows it does not turn it once more.
+        // Viewers must not turn it once more.
         assert_eq!(result.turned(), None, "{orientation}");
         for c in Channel::ALL {
             for (column, row) in (0..SIZE.area()).map(|n| (n % SIZE.width, n / SIZE.width)) {

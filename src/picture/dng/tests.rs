@@ -1,4 +1,4 @@
-//! Raw photos read again as written, and refused where they are not what is read.
+//! Raw photos are read back as written, and those of other varieties are refused.
 
 use super::*;
 use crate::config::Curve;
@@ -331,7 +331,7 @@ fn a_sensor_without_filters_gives_a_grey_photo() {
             assert!(close(back.light.plane(Channel::Green), 0.05), "{curve:?}");
             assert!(photo.fit(Size::new(21, 15)).is_ok());
         }
-        // A pattern of filters counts more than the word for grey.
+        // A pattern of filters takes precedence over a photometric value for grey.
         let mut filtered = file(Mosaic::Rggb);
         let at = entry(&filtered, PHOTOMETRIC);
         filtered[at + 8..at + 10].copy_from_slice(&(photometric as u16).to_le_bytes());
@@ -359,7 +359,7 @@ fn a_proposed_cut_of_the_rig_s_size_is_taken() {
         let pairs = photo.light.plane(c).data().iter().zip(wanted.plane(c).data());
         assert!(pairs.into_iter().all(|(a, b)| (a - b).abs() < 1e-3), "{c:?}");
     }
-    // The rig's own place on the sensor counts more.
+    // The rig's own place on the sensor takes precedence over the file's.
     let rig = PhotoGrid {
         sensor: SIZE,
         photo: Rect { x: 2, y: 2, size: Size::new(20, 20) },

@@ -28,15 +28,15 @@ const UNIQUE_CAMERA_MODEL: u16 = 50708;
 /// A raw photo to be written.
 #[derive(Debug, Clone, Copy)]
 pub struct Dng<'a> {
-    /// Counts.
+    /// Counts of the sensor.
     pub sites: &'a Plane<u16>,
-    /// Their colour filters.
+    /// Colour filters of the sites.
     pub mosaic: Mosaic,
     /// Counts without light, 0..65535.
     pub black: f64,
     /// The largest count, above `black`.
     pub white: u16,
-    /// The camera: the rig's name.
+    /// Name of the rig, written as the camera's model.
     pub camera: &'a str,
     /// Exposure time, seconds, if known.
     pub exposure_s: Option<f64>,
@@ -118,14 +118,14 @@ fn put<T: TiffValue>(directory: &mut DirectoryAt<'_>, tag: u16, value: T) -> Tif
 
 type DirectoryAt<'a> = DirectoryEncoder<'a, &'a mut Cursor<Vec<u8>>, TiffKindStandard>;
 
-/// `words` in ASCII, as TIFF requires, and at most [`LETTERS_MAX`] of it.
+/// `words` in ASCII, as TIFF requires, cut to [`LETTERS_MAX`] letters.
 pub(super) fn plain(words: &str) -> String {
     let letter = |c: char| if c.is_ascii_graphic() || c == ' ' { c } else { '_' };
     let plain: String = words.chars().take(LETTERS_MAX).map(letter).collect();
     plain.trim().to_owned()
 }
 
-/// A fraction with the denominator `d`.
+/// `value` as a fraction with the denominator `d`.
 fn fraction(value: f64, d: u32) -> Rational {
     Rational { n: (value * f64::from(d)).round() as u32, d }
 }

@@ -5,14 +5,14 @@ use super::unsupported;
 use crate::frame::block_transform::{cosines, transform, transposed};
 use crate::frame::{BLOCK_AREA, BLOCK_PX, Coding, TO_YCC};
 
-/// Largest median difference in brightness, codes. Rounding to whole colours and back makes half a
-/// code. Guess.
+/// Largest median difference in brightness of pictures that agree, codes. Rounding to whole colours
+/// and back makes half a code. Guess.
 const APART: f32 = 1.5;
-/// The median difference from which the decoder has misread the file, codes: such pictures differ
-/// by tens. Guess.
+/// Median difference above which the decoder has misread the file, codes: such pictures differ by
+/// tens. Guess.
 const MISREAD: f32 = 15.0;
 
-/// Whether the brightness of `coding` is that of the decoded `samples`, `step` a pixel.
+/// Whether `coding` and the decoded `samples`, `step` a pixel, agree in brightness.
 ///
 /// # Errors
 /// [`Flaw::Unsupported`] where the decoder has misread the file.

@@ -1,8 +1,8 @@
 //! A JPEG's quantised coefficients and steps, which the decoder does not give.
 //!
-//! ITU-T T.81: sequential and progressive, Huffman coding, 8 bits, one component or three, the last
-//! two perhaps at half the width, height or both. Photos of other kinds are solved as decoded.
-//! Memory is bounded by [`AREA_MAX`], and time by [`SCANS_MAX`] passes over it.
+//! Supported (ITU-T T.81): sequential and progressive Huffman coding of 8 bits, one component or
+//! three, the last two perhaps at half the width, height or both. Other JPEGs are solved from their
+//! decoded pixels. Memory is bounded by [`AREA_MAX`], and time by [`SCANS_MAX`] passes over it.
 
 use super::super::Flaw;
 use super::huffman::HuffmanCodes;
@@ -15,7 +15,7 @@ const SCANS_MAX: usize = 64;
 /// Most pixels, twice the usual limit of photos. Guess.
 const AREA_MAX: usize = 1 << 26;
 
-/// The tables in force at one place of a file.
+/// The tables in force at one place of a file, and the picture read so far.
 #[derive(Default)]
 struct CodedFile {
     steps: [Option<Vec<u16>>; 4],
@@ -25,7 +25,7 @@ struct CodedFile {
     /// Whether the components are red, green and blue, by Adobe's marker.
     is_rgb: bool,
     frame: Option<CodedFrame>,
-    /// Whether each scan so far ended where its data end.
+    /// Whether the blocks of each scan so far ended where its data end.
     fills_scans: bool,
 }
 
@@ -33,7 +33,7 @@ struct CodedFile {
 struct CodedFrame {
     progressive: bool,
     size: Size,
-    /// Samples of a unit across and down, of the densest component.
+    /// Blocks of the densest component in a unit (MCU), across and down.
     densest: (u8, u8),
     heads: Vec<ComponentHeader>,
     components: Vec<CodedComponent>,
@@ -42,7 +42,7 @@ struct CodedFrame {
 /// A component in the frame header (T.81, B.2.2).
 struct ComponentHeader {
     identifier: u8,
-    /// Samples of a unit across and down.
+    /// Blocks of the component in a unit (MCU), across and down.
     sampling: (u8, u8),
     steps: usize,
 }
@@ -51,14 +51,14 @@ struct ComponentHeader {
 enum Unread {
     /// The file is of a kind that is not read.
     Kind,
-    /// Its codes make no sense from the unit of this number on, of so many in the scan.
+    /// Its codes are invalid from a unit on; the unit's index and the number of units in the scan.
     Broken(usize, usize),
 }
 
 /// The coefficients and steps of the JPEG `bytes`; `None` for a kind that is not read.
 ///
 /// # Errors
-/// [`Flaw::Damaged`] for codes that make no sense, or are of another number of blocks.
+/// [`Flaw::Damaged`] for invalid codes, or codes for another number of blocks than the picture has.
 pub(crate) fn coefficients(bytes: &[u8]) -> Result<Option<Coding>, Flaw> {
     let found = match read(bytes) {
         Ok(file) if file.fills_scans => return Ok(coding_of(file)),
@@ -71,8 +71,8 @@ pub(crate) fn coefficients(bytes: &[u8]) -> Result<Option<Coding>, Flaw> {
     Err(damaged(&found, "codes for the whole picture"))
 }
 
-/// As [`coefficients`] of a JPEG with long runs of zeros, which only a picture that is decoded to
-/// its last block holds; `None` where they are a hole.
+/// The result of [`coefficients`] for a JPEG with long runs of zeros. The outer `None` means that
+/// its scans cannot be decoded to their last block, so that the zeros are a hole.
 pub(crate) fn coefficients_with_zeros(bytes: &[u8]) -> Option<Option<Coding>> {
     read(bytes).ok().filter(|file| file.fills_scans).map(coding_of)
 }
@@ -119,7 +119,8 @@ fn read(bytes: &[u8]) -> Result<CodedFile, Unread> {
     Ok(state)
 }
 
-/// Whether `rest`, after the last block, are fill bytes (B.1.1.2). Some cameras end with a restart.
+/// Whether `rest`, the bytes after the last block, are fill bytes (B.1.1.2). A restart marker at
+/// their end is allowed, as some cameras write it.
 fn is_filling(rest: &[u8]) -> bool {
     let rest = match rest {
         [rest @ .., 0xff, 0xd0..=0xd7] => rest,
@@ -225,7 +226,7 @@ impl CodedFile {
     /// Reads the scan with the header `body`, whose data begin at `at`; returns where they end.
     fn read_scan(&mut self, body: &[u8], bytes: &[u8], at: usize) -> Result<usize, Unread> {
         let (scan, parts) = self.scan_header(body).ok_or(Unread::Kind)?;
-        // Motion JPEG leaves out the usual tables.
+        // Without code tables, as in Motion JPEG, a scan cannot be read.
         if !scan.progressive && parts.iter().any(|part| part.dc.is_none() || part.ac.is_none()) {
             return Err(Unread::Kind);
         }

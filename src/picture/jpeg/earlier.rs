@@ -1,10 +1,10 @@
 //! The JPEG that a picture's pixels were decoded from: a photo that an editor, a converter or a
 //! messenger saved again as PNG, TIFF, BMP or WebP.
 //!
-//! On its blocks the cosine coefficients of such pixels lie within a rounding error of multiples of
-//! the steps (Fan & de Queiroz 2003, "Identification of bitmap compression history", IEEE Trans.
-//! Image Process. 12(2)). Chroma at half resolution is first taken back through the decoder's
-//! interpolation. Pixels that were moved, resized or changed since show no multiples.
+//! The cosine coefficients of such pixels, block by block, lie within a rounding error of multiples
+//! of the quantisation steps (Fan & de Queiroz 2003, "Identification of bitmap compression
+//! history", IEEE Trans. Image Process. 12(2)). For chroma at half resolution, the decoder's
+//! interpolation is undone first. Pixels moved, resized or changed since show no multiples.
 
 use rayon::prelude::*;
 
@@ -16,22 +16,23 @@ type BlockCoefficients = [f32; BLOCK_AREA];
 /// Largest distance of a coefficient from a multiple of its step, codes. Rounding to samples and to
 /// colours makes an error of σ 0.4.
 const ROUNDING: f32 = 1.0;
-/// Least share of the coefficients within that distance. Any numbers come within it of multiples
-/// of 3 in two cases of three.
+/// Least share of a coefficient's values within [`ROUNDING`] of multiples of its step. Random
+/// values come that near to multiples of 3 in two cases of three.
 const SHARE: f32 = 0.9;
-/// Shortest and longest step that is found: multiples of 2 are a rounding error apart; T.81's
-/// longest step of 8 bits.
+/// Smallest and largest step that is found: multiples of 2 are only a rounding error apart; 255 is
+/// T.81's largest step of 8 bits.
 const STEPS: std::ops::RangeInclusive<u16> = 3..=255;
-/// Fewest non-zero coefficients that show a step.
+/// Fewest non-zero values from which a step is inferred.
 const NON_ZERO: usize = 24;
-/// Fewest steps of luma that show a JPEG. Photographs at 512×384 of noise σ 0.7 and 2 codes show 5
-/// to 23 after coding at qualities of 60 to 95, and none before.
+/// Fewest steps found in luma that reveal a JPEG. In photographs of 512×384 with noise of σ 0.7 and
+/// 2 codes, 5 to 23 are found after coding at qualities of 60 to 95, and none before.
 const STEPS_FOUND: usize = 3;
-/// Side of the part that is searched for steps, which bounds time and memory of other pictures.
+/// Side of the part that is searched for steps, pixels; bounds the time and memory spent on
+/// pictures that never were JPEGs.
 const SEARCHED_PX: usize = 1024;
 /// Level shift of luma (T.81, A.3.1).
 const MIDDLE: f32 = 128.0;
-/// Passes that invert the interpolation of chroma: each halves the error at least.
+/// Passes that invert the interpolation of chroma: each at least halves the error.
 const PASSES: usize = 10;
 
 /// T.81's tables K.1 and K.2, row by row: steps at libjpeg's quality 50.
@@ -51,7 +52,7 @@ const USUAL: [[u16; BLOCK_AREA]; 2] = [
     ],
 ];
 
-/// The coding of the JPEG that `samples` of 8 bits were decoded from, `step` a pixel; `None` where
+/// The coding of the JPEG from which `samples` of 8 bits, `step` a pixel, were decoded; `None` if
 /// they show none.
 pub(crate) fn earlier_coding(size: Size, samples: &[u16], step: usize) -> Option<Coding> {
     let component = |n: usize, Rect { x: left, y: top, size: part }: Rect| {
@@ -81,7 +82,7 @@ pub(crate) fn earlier_coding(size: Size, samples: &[u16], step: usize) -> Option
         let count = |(_, shown): &(Enlargement, [ShownSteps; 2])| {
             shown.iter().map(ShownSteps::count).sum::<usize>()
         };
-        // The first of equals.
+        // `max_by_key` returns the last of equals: in reverse order, the likeliest enlargement.
         let (by, shown) = ENLARGEMENTS.map(shown).into_iter().rev().max_by_key(count)?;
         parts.extend(shown.map(|steps| (by, steps.steps(1, steps.quality(1, quality)))));
     }
@@ -93,7 +94,8 @@ pub(crate) fn earlier_coding(size: Size, samples: &[u16], step: usize) -> Option
     Some(Coding { size, components: components.collect() })
 }
 
-/// The middle of a picture of `size`, on the blocks of chroma, as large as [`SEARCHED_PX`].
+/// The middle of a picture of `size`, with sides of at most [`SEARCHED_PX`], beginning at a block
+/// of chroma.
 fn middle_of(size: Size) -> Rect {
     let unit = 2 * BLOCK_PX;
     let begin = |side: usize| side.saturating_sub(SEARCHED_PX) / 2 / unit * unit;
@@ -104,15 +106,16 @@ fn middle_of(size: Size) -> Rect {
 /// How a decoder enlarges chroma.
 #[derive(Clone, Copy)]
 struct Enlargement {
-    /// Pixels of a sample across and down.
+    /// Pixels per sample across and down.
     pixels: (u8, u8),
-    /// Whether it interpolates, three parts of the nearer sample; else it repeats.
+    /// Whether the decoder interpolates, with weights 3/4 for the nearer sample and 1/4 for the
+    /// other; otherwise it repeats each sample.
     interpolates: bool,
 }
 
-/// Of a component at full resolution.
+/// No enlargement, for components at full resolution.
 const AS_STORED: Enlargement = Enlargement { pixels: (1, 1), interpolates: false };
-/// The usual ones, the likeliest first.
+/// The usual enlargements of chroma, the likeliest first.
 const ENLARGEMENTS: [Enlargement; 5] = [
     Enlargement { pixels: (2, 2), interpolates: true },
     Enlargement { pixels: (2, 1), interpolates: true },
@@ -122,7 +125,7 @@ const ENLARGEMENTS: [Enlargement; 5] = [
 ];
 
 impl Enlargement {
-    /// The stored samples of the enlarged `plane`.
+    /// The stored samples from which `plane` was enlarged.
     fn samples(self, plane: &Plane) -> Plane {
         let (across, down) = (usize::from(self.pixels.0), usize::from(self.pixels.1));
         let size = plane.size();
@@ -149,8 +152,8 @@ impl Enlargement {
     }
 }
 
-/// The samples whose interpolated pairs have the `means`, along one axis: a mean has six parts of
-/// its sample and one of either neighbour.
+/// The samples whose interpolation, averaged over the pixels of each sample, gives `means`, along
+/// one axis: a mean weighs its own sample by 6/8 and each neighbour by 1/8.
 fn sharpened(means: &Plane, beside: impl Fn(usize, usize, isize) -> (usize, usize)) -> Plane {
     let size = means.size();
     let mut samples = means.clone();
@@ -167,11 +170,11 @@ fn sharpened(means: &Plane, beside: impl Fn(usize, usize, isize) -> (usize, usiz
     samples
 }
 
-/// Steps that a component's coefficients show.
+/// Quantisation steps inferred from a component's coefficients; `None` where none was found.
 struct ShownSteps([Option<u16>; BLOCK_AREA]);
 
 impl ShownSteps {
-    /// Of a component's `samples`.
+    /// Infers the steps from a component's `samples`.
     fn of(samples: &Plane) -> ShownSteps {
         let Size { width, height } = samples.size();
         // Blocks at the border may be cut.
@@ -186,8 +189,8 @@ impl ShownSteps {
         self.0.iter().flatten().count()
     }
 
-    /// The quality at which the usual table `n` is nearest to the steps; of equals the one nearest
-    /// to `about`.
+    /// The quality at which the usual table `n` is nearest to the steps; of equally near ones, the
+    /// quality nearest to `about`.
     fn quality(&self, n: usize, about: u16) -> u16 {
         let apart = |quality: u16| -> f32 {
             let steps = self.0.iter().zip(&USUAL[n]);
@@ -202,7 +205,7 @@ impl ShownSteps {
         all.min_by(|(_, a), (_, b)| a.total_cmp(b)).map_or(about, |(quality, _)| quality)
     }
 
-    /// The steps found, and the others by the usual table `n` at `quality`.
+    /// The steps found, completed by those of the usual table `n` at `quality`.
     fn steps(&self, n: usize, quality: u16) -> Vec<u16> {
         let of = |(found, &usual): (&Option<u16>, &u16)| {
             found.unwrap_or_else(|| at_quality(usual, quality))
@@ -217,13 +220,12 @@ fn at_quality(step: u16, quality: u16) -> u16 {
     ((u32::from(step) * u32::from(percent) + 50) / 100).clamp(1, 255) as u16
 }
 
-/// The longest step whose multiples the `values`, magnitudes of one coefficient in all blocks, lie
-/// on.
+/// The largest step of which `values`, one coefficient's magnitudes in all blocks, are multiples.
 fn step_of(mut values: Vec<f32>) -> Option<u16> {
     values.sort_unstable_by(|a, b| b.total_cmp(a));
     STEPS.rev().find(|&step| {
         let step = f32::from(step);
-        // What is not rounded to zero, also after a rounding error.
+        // Smaller values round to the multiple 0, whatever their rounding error.
         let least = (0.5 * step - ROUNDING).max(ROUNDING);
         let non_zero = &values[..values.partition_point(|&value| value >= least)];
         let near = |value: &&f32| (**value - step * (**value / step).round()).abs() < ROUNDING;
@@ -232,7 +234,8 @@ fn step_of(mut values: Vec<f32>) -> Option<u16> {
     })
 }
 
-/// The coefficients of each of the `blocks` of `samples`. Blocks beyond the border repeat it.
+/// The coefficients of the first `blocks`, columns and rows, of `samples`, which are continued
+/// beyond their border by their last row and column.
 fn blocks_of(samples: &Plane, blocks: Size) -> impl ParallelIterator<Item = BlockCoefficients> {
     let (there, size) = (cosines(), samples.size());
     (0..blocks.area()).into_par_iter().map(move |n| {
@@ -246,7 +249,7 @@ fn blocks_of(samples: &Plane, blocks: Size) -> impl ParallelIterator<Item = Bloc
     })
 }
 
-/// The component of `samples` in `blocks` by its `steps`.
+/// Quantises `samples`, in `blocks` columns and rows of blocks, by `steps`.
 fn coded(samples: &Plane, pixels: (u8, u8), blocks: Size, steps: Vec<u16>) -> CodedComponent {
     let of_block = |block: BlockCoefficients| {
         let values = block.into_iter().zip(&steps);

@@ -13,7 +13,7 @@ impl<'a> Bits<'a> {
         Bits { bytes, at, held: 0, count: 0 }
     }
 
-    /// Where the byte after that of the last bit begins.
+    /// Position of the byte after the one that held the last bit.
     pub(super) fn end(&self) -> usize {
         self.at
     }
@@ -41,14 +41,14 @@ impl<'a> Bits<'a> {
         (0..count).try_fold(0, |value, _| Some(value << 1 | self.bit()? as i32))
     }
 
-    /// A number of `size` bits, extended to its sign (T.81, F.2.2.1).
+    /// The next `size` bits as a number, extended to its sign (T.81, F.2.2.1).
     pub(super) fn extended(&mut self, size: u32) -> Option<i32> {
         let value = self.bits(size)?;
         let negative = size > 0 && value < 1 << (size - 1);
         Some(if negative { value - (1 << size) + 1 } else { value })
     }
 
-    /// Moves past a restart marker; `None` where there is none.
+    /// Moves past the restart marker that must be next; `None` if there is none.
     pub(super) fn restart(&mut self) -> Option<()> {
         self.count = 0;
         let marker = self.bytes.get(self.at..self.at + 2)?;
@@ -70,7 +70,7 @@ pub(super) struct HuffmanCodes {
 }
 
 impl HuffmanCodes {
-    /// The table of a DHT segment whose `counts` and `values` follow each other.
+    /// The table of a DHT segment, in which the `counts` of codes by length precede their `values`.
     pub(super) fn new(counts: &[u8; 16], values: &[u8]) -> HuffmanCodes {
         let (mut code, mut before) = (0, 0);
         let ends = counts.map(|count| {

@@ -18,7 +18,7 @@ pub(super) struct Scan {
     pub(super) progressive: bool,
     /// First and last coefficient.
     pub(super) band: (usize, usize),
-    /// The bit above the refined one; 0 in a first pass.
+    /// Lowest bit of the previous pass, the one above the refined bit; 0 in a first pass.
     pub(super) high: u32,
     /// The lowest bit coded.
     pub(super) low: u32,
@@ -26,7 +26,7 @@ pub(super) struct Scan {
 
 /// A component of a scan, with its tables.
 pub(super) struct ScanPart {
-    /// Its place in the frame.
+    /// Index of the component in the frame header.
     pub(super) component: usize,
     pub(super) dc: Option<HuffmanCodes>,
     pub(super) ac: Option<HuffmanCodes>,
@@ -36,9 +36,9 @@ pub(super) struct ScanPart {
 pub(super) struct ScanBlocks<'a> {
     scan: Scan,
     bits: Bits<'a>,
-    /// The last block's first coefficient, for each component.
+    /// First coefficient (DC) of the last block of each component.
     dc: [i32; 4],
-    /// Empty blocks to come.
+    /// Blocks still to come in a run without new coefficients (end-of-band run).
     blank: u32,
 }
 
@@ -48,18 +48,18 @@ impl<'a> ScanBlocks<'a> {
         ScanBlocks { scan, bits: Bits::new(bytes, at), dc: [0; 4], blank: 0 }
     }
 
-    /// Where the byte after that of the last bit begins.
+    /// Position of the byte after the one that held the last bit.
     pub(super) fn end(&self) -> usize {
         self.bits.end()
     }
 
-    /// Moves past a restart marker; `None` where there is none.
+    /// Moves past the restart marker that must be next; `None` if there is none.
     pub(super) fn restart(&mut self) -> Option<()> {
         (self.dc, self.blank) = ([0; 4], 0);
         self.bits.restart()
     }
 
-    /// Decodes the next block, of `part`.
+    /// Decodes the next block of the component `part`.
     pub(super) fn read(&mut self, part: &ScanPart, block: &mut [i16]) -> Option<()> {
         let Scan { progressive, band, high, low } = self.scan;
         if !progressive {
@@ -162,7 +162,7 @@ impl<'a> ScanBlocks<'a> {
     }
 }
 
-/// A run of zeros and the size of the number after it.
+/// Length of a run of zeros, and size in bits of the number after it.
 fn halves(value: u8) -> (usize, u32) {
     (usize::from(value >> 4), u32::from(value & 15))
 }
@@ -175,7 +175,7 @@ fn shifted(value: i32, low: u32) -> Option<i16> {
     i16::try_from(value.checked_shl(low)?).ok()
 }
 
-/// Adds a bit to a nonzero coefficient.
+/// Adds the next bit, worth `one`, to a nonzero coefficient.
 fn refine(value: &mut i16, one: i16, bits: &mut Bits<'_>) -> Option<()> {
     if bits.bit()? == 1 && *value & one == 0 {
         *value = value.checked_add(if *value > 0 { one } else { -one })?;

@@ -4,7 +4,7 @@ use super::*;
 use crate::frame::block_transform::{cosines, transform, transposed};
 use crate::frame::{BLOCK_AREA, CodedComponent, Plane};
 
-/// The walk, and the decoder's word on zeros.
+/// Walks `bytes`, and decodes them if long runs of zeros require it.
 fn whole(bytes: &[u8]) -> Result<(), Flaw> {
     crate::picture::decode::walk(bytes, &Default::default()).map(drop)
 }
@@ -79,7 +79,7 @@ fn a_file_that_the_decoder_misreads_is_refused() {
         let mut bytes = Vec::new();
         let mut encoder = jpeg_encoder::Encoder::new(&mut bytes, 90);
         encoder.set_sampling_factor(jpeg_encoder::SamplingFactor::F_2_2);
-        // Codes made for a picture are written in a scan for each colour.
+        // The encoder writes codes made for a picture in one scan for each colour.
         encoder.set_optimized_huffman_tables(!interleaved);
         encoder.encode(&whole, 75, 50, jpeg_encoder::ColorType::Rgb).unwrap();
         crate::picture::decode::decode(&bytes, &Default::default())

@@ -8,8 +8,8 @@ use super::{SCAN, Segment, Segments};
 /// The marker of a segment of code tables.
 const TABLES: u8 = 0xc4;
 
-/// `bytes` with the standard tables before their first scan; `None` where they have tables, or no
-/// scan.
+/// The JPEG `bytes` with the standard tables inserted before its first scan; `None` if it has
+/// tables of its own there, or no scan.
 pub(crate) fn with_usual_codes(bytes: &[u8]) -> Option<Vec<u8>> {
     let first = Segments::new(bytes)
         .take_while(|segment| !matches!(segment, Ok(Segment { marker: TABLES, .. })))
@@ -17,7 +17,7 @@ pub(crate) fn with_usual_codes(bytes: &[u8]) -> Option<Vec<u8>> {
         .ok()?;
     // The scan's marker and length come before its body.
     let scan = first.coded.start - first.body.len() - 4;
-    // The encoder writes no others.
+    // The encoder writes the standard tables, and no others.
     let mut usual = Vec::new();
     JpegEncoder::new(&mut usual).encode(&[0; 3], 1, 1, ExtendedColorType::Rgb8).ok()?;
     let segments = Segments::new(&usual).filter_map(Result::ok);

@@ -3,10 +3,10 @@
 use super::{BITS_PER_SAMPLE, File, SAMPLE_FORMAT, SAMPLES_PER_PIXEL, VALUES_MAX};
 use crate::picture::Flaw;
 
-/// Most letters of a text that are read. Guess: enough for a name.
+/// Most letters that are read of a text. Guess: enough for a name.
 pub(crate) const LETTERS_MAX: usize = 128;
 
-/// The entries of a directory; a tag that stands twice counts once, by its first entry.
+/// The entries of a directory. If a tag occurs twice, its first entry is used.
 pub(crate) struct Directory<'a> {
     pub(crate) file: &'a File<'a>,
     pub(crate) at: usize,
@@ -36,7 +36,7 @@ impl<'a> Directory<'a> {
         Directory::read(self.file, self.number(tag).ok()??).ok()
     }
 
-    /// Where the place of the next directory is stated.
+    /// Place of the field that holds the place of the next directory.
     pub(crate) fn next_field(&self) -> usize {
         self.at + 2 + 12 * self.entries.len()
     }
@@ -58,7 +58,7 @@ impl<'a> Directory<'a> {
         self.find(tag).map(|entry| self.file.first(entry)).transpose()
     }
 
-    /// The printable letters of a text, at most [`LETTERS_MAX`].
+    /// The printable letters of the text in the field `tag`, at most [`LETTERS_MAX`].
     pub(crate) fn text(&self, tag: u16) -> Result<Option<String>, Flaw> {
         let Some(entry) = self.find(tag) else { return Ok(None) };
         let (count, at) = self.file.place(entry, 1)?;
@@ -68,12 +68,12 @@ impl<'a> Directory<'a> {
         Ok(Some(printed.collect::<String>().trim().to_owned()))
     }
 
-    /// Whole, fractional or floating numbers.
+    /// The numbers in the field `tag`, be they integers, fractions or floating-point.
     pub(crate) fn reals(&self, tag: u16) -> Result<Option<Vec<f32>>, Flaw> {
         let Some(entry) = self.find(tag) else { return Ok(None) };
         let Field { kind, bytes, .. } = Field::read(self.file, entry, VALUES_MAX)?;
         let words = bytes.as_chunks::<4>().0;
-        // Type 10 has signs.
+        // Type 10 (SRATIONAL) is signed.
         let part = |word: [u8; 4]| match kind {
             10 => f64::from(i32::from_le_bytes(word)),
             _ => f64::from(u32::from_le_bytes(word)),
@@ -124,7 +124,7 @@ impl Field {
     }
 }
 
-/// The samples of the first picture in words, for a decoder that does not read them.
+/// A description of the first picture's samples, for the message that they are not read.
 pub(crate) fn samples_of(bytes: &[u8]) -> Option<String> {
     let file = File::new(bytes);
     let directory = Directory::first(&file).ok()?;

@@ -60,7 +60,7 @@ fn limit_itself(ask: &Ask) -> io::Result<()> {
     limit(Resource::Fsize, 0)?;
     limit(Resource::Nofile, 8)?;
     limit(Resource::Core, 0)?;
-    // When memory runs out, the kernel is to end this process first; not every kernel lets it.
+    // When memory runs out, the kernel should end this process first; not every kernel permits it.
     let _ = std::fs::write("/proc/self/oom_score_adj", "1000");
     Ok(())
 }

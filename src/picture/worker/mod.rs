@@ -1,9 +1,9 @@
-//! Photo files read in a process of their own, the most that a hostile file can harm.
+//! Reading of photo files in a separate process, so that a hostile file can harm nothing else.
 //!
 //! The worker is this program, started for each file with the file as standard input. Before it
 //! reads a byte it limits its memory, processor time, open and written files (setrlimit(2)); a
 //! timer ends it when it hangs. The daemon receives linear light of the rig's size, and parses no
-//! byte of the file. Frames of cameras that code them are read the same way.
+//! byte of the file. Camera frames that are coded as JPEG are read the same way.
 
 mod child;
 mod wire;
@@ -103,7 +103,7 @@ impl Worker {
         Ask { name: name.to_owned(), limits: *limits, purpose, memory_bytes_max, processor_s_max }
     }
 
-    /// The whole answer of one worker.
+    /// Starts a worker and returns its whole answer to `ask` about `file`.
     fn answer(&self, ask: &Ask, file: File) -> Result<Vec<u8>, PictureError> {
         let no_worker = |source| PictureError::NoWorker { source };
         let ask_json = serde_json::to_string(ask).map_err(|e| no_worker(e.into()))?;
@@ -129,7 +129,7 @@ impl Worker {
         }
     }
 
-    /// Reads all that `child` writes; the inner error is a limit that it passed.
+    /// Reads all that `child` writes; the inner error states the limit that it exceeded.
     fn read_output(
         &self,
         child: &mut Child,

@@ -1,8 +1,8 @@
 //! The protocol between daemon and worker: one question, one answer.
 //!
-//! An answer is a length (u32, little-endian), as many bytes of postcard, and then the planes that
-//! they list, row by row, f32 as the machine has them. It is validated as untrusted: the file may
-//! have taken the worker over.
+//! An answer is a length (u32, little-endian), that many bytes of postcard, and then the planes
+//! (f32) and coefficients (i16) that they announce, row by row, in the machine's byte order. It is
+//! validated as untrusted, because a hostile file may have taken over the worker.
 
 use std::io::{self, Read, Write};
 
@@ -70,7 +70,7 @@ pub(super) fn bytes_max(ask: &Ask) -> u64 {
         Purpose::Whole => 0,
         Purpose::Photo(_, grid) => {
             let Size { width, height } = grid.photo.size;
-            // Three components of two bytes a sample, filled up to units of 16.
+            // Three components of two bytes a sample, padded to units of 16 pixels.
             let coding = 3 * 2 * width.next_multiple_of(16) * height.next_multiple_of(16);
             4 * 4 * width * height + coding
         }
@@ -167,7 +167,7 @@ pub(super) fn read_photo(
 }
 
 impl Header<Box<Photo>> {
-    /// Checks all that is not checked on reading the planes.
+    /// Checks all that reading the planes does not check.
     fn validate(&self, grid: PhotoGrid) -> Result<(), &'static str> {
         let Photo { manner, raw, channels, .. } = &*self.photo;
         let steps = match bits_of(manner.colour) {

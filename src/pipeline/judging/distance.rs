@@ -7,11 +7,11 @@ use crate::picture::Lab;
 
 /// Weights of red, green and blue in luminance (Rec. 709).
 const LUMINANCE: [f32; 3] = [0.2126, 0.7152, 0.0722];
-/// Exponent of lightness over light, about.
+/// Approximate exponent of lightness as a power of light.
 const LIGHTNESS: f32 = 1.0 / 2.2;
 
-/// Pixels from one sampled colour to the next, across and down; odd, to meet both states of what
-/// alternates from pixel to pixel.
+/// Pixels from one sampled colour to the next, across and down; odd, so that both states of a
+/// pixel-to-pixel alternation are sampled.
 pub(super) const SAMPLED_EVERY: usize = 3;
 
 /// A result beside the two pictures that its distance is measured by.
@@ -31,7 +31,7 @@ impl Compared<'_> {
         distance(self.result) / distance(self.photo).max(f64::MIN_POSITIVE)
     }
 
-    /// Distance by the mean difference of colours (CIEDE2000, light taken for sRGB's); `None` for a
+    /// Distance by the mean difference of colours (CIEDE2000, taking light as sRGB's); `None` for a
     /// grey photo.
     pub(super) fn by_colour(&self) -> Option<f64> {
         let reference = (self.channels == Channels::Colour).then(|| colours(self.reference))?;
@@ -52,7 +52,7 @@ fn colours(picture: &Frame<Work>) -> impl Iterator<Item = Lab> + Clone {
     places.map(|(x, y)| Lab::of_light(Channel::ALL.map(|c| picture.plane(c).at(x, y))))
 }
 
-/// Lightness of `picture`, 0..255; of a grey photo that of its green channel.
+/// Lightness of `picture`, 0..255; for a grey photo, that of the green channel.
 pub(super) fn lightness(picture: &Frame<Work>, channels: Channels) -> Plane {
     let mut sum = Plane::zeros(picture.size());
     for &c in channels.list() {

@@ -1,11 +1,11 @@
-//! What is known of a result by itself: residuals, grain and fine colours.
+//! Evidence about a result by itself: residuals, grain and fine colours.
 
 use super::fine_colour::FineColour;
 use super::grain::Grain;
 use super::limits::{EXCESS_LIGHT, FOREIGN_SHARE, MORE_THAN_NOISE};
 use crate::deconvolution::data_term::NOISE_MIN;
 
-/// What is known of a result by itself.
+/// Evidence about a result by itself, without a reference solution.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Evidence {
     /// Residuals, channel by channel.
@@ -19,15 +19,15 @@ pub struct Evidence {
 }
 
 impl Evidence {
-    /// Difference of the result's light from the photo's, as a share of it, all channels together:
-    /// a lens spreads light and makes none. Of less than a grey level there is no share.
+    /// Difference of the result's light from the photo's, as a share of the photo's (at least one
+    /// grey level), over all channels: a lens spreads light and creates none.
     pub fn excess_light(&self) -> f32 {
         let sum = |of: fn(&Residuals) -> f32| self.channels.iter().map(of).sum::<f32>();
         (sum(|of| of.excess_light) / sum(|of| of.light).max(1.0)).abs()
     }
 
-    /// Luma's model residual over the untouched photo's; `None` where the result took grain out of
-    /// a noisy photo, which gains by that alone if there is more in it than noise.
+    /// Luma's model residual over the untouched photo's; `None` if the result removed grain from a
+    /// noisy photo, which is a gain in itself if the photo holds more than noise.
     pub fn luma_residual_over_photo(&self) -> Option<f64> {
         // Green, or the one channel of a grey photo.
         let luma = self.channels.get(self.channels.len() / 2)?;
@@ -40,12 +40,12 @@ impl Evidence {
 }
 
 /// Residuals of one channel, RMS over the photo in grey levels, without saturated pixels and those
-/// that the lens throws their light on.
+/// to which the lens brings light from saturated ones.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Residuals {
-    /// K̂L − B.
+    /// Model residual, K̂L − B.
     pub model: f32,
-    /// K̂B − B, of the untouched photo.
+    /// Residual of the untouched photo, K̂B − B.
     pub untouched: f32,
     /// Noise of the photo.
     pub photo_noise: f32,
@@ -60,7 +60,7 @@ pub struct Residuals {
 }
 
 impl Residuals {
-    /// The model residual over what noise and the lens model's known error leave of a right result.
+    /// The model residual over its floor: what noise and the lens model's known error would leave.
     pub fn over_floor(&self) -> f32 {
         self.model / self.photo_noise.hypot(self.model_error).max(NOISE_MIN)
     }
@@ -72,15 +72,15 @@ impl Residuals {
 
     /// The model residual over its floor times that over the untouched photo's.
     ///
-    /// Either alone shows little: any imperfect model leaves a little more than noise of a busy
-    /// photo, and noise is a good part of all there is in a calm one.
+    /// Either factor alone proves little: in a busy photo an imperfect model leaves a little more
+    /// than noise, and in a calm one noise is a large part of the untouched residual.
     pub(super) fn product(&self) -> f32 {
         self.over_floor() * self.over_untouched()
     }
 }
 
-/// The channel whose [`Residuals::product`] is largest, of those where both factors are above their
-/// least; not a number is above.
+/// The channel with the largest [`Residuals::product`] of those where both factors exceed their
+/// minimum. NaN exceeds it.
 pub(super) fn worst_unexplained(channels: &[Residuals]) -> Option<&Residuals> {
     let counts = |of: &&Residuals| {
         !(of.over_floor() <= MORE_THAN_NOISE || of.over_untouched() <= FOREIGN_SHARE)
@@ -88,7 +88,7 @@ pub(super) fn worst_unexplained(channels: &[Residuals]) -> Option<&Residuals> {
     channels.iter().filter(counts).max_by(|a, b| a.product().total_cmp(&b.product()))
 }
 
-/// [`Residuals::product`] of the worst channel, 0 if none counts.
+/// [`Residuals::product`] of the channel that is explained worst; 0 if no channel counts.
 pub fn unexplained_product(channels: &[Residuals]) -> f64 {
     worst_unexplained(channels).map_or(0.0, |of| of.product().into())
 }

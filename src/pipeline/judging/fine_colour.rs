@@ -1,9 +1,9 @@
 //! Alternation of a picture's colours from pixel to pixel, beside that of its lightness.
 //!
-//! Where the lens blurred a photo's channels otherwise than measured, as out of focus, a result can
-//! fit each channel with details that the others do not have: stripes and dots of blue and yellow,
-//! which residuals and lightness hardly show. Real details as fine as pixels differ in lightness
-//! more than in colour.
+//! If the lens blurred a photo's channels differently than measured, for example out of focus, a
+//! result can fit each channel with details that the others do not have: stripes and dots of blue
+//! and yellow, which residuals and lightness hardly show. Real details as fine as pixels differ in
+//! lightness more than in colour.
 
 use rayon::prelude::*;
 
@@ -60,7 +60,7 @@ mod tests {
     use super::*;
     use crate::frame::{Plane, Size};
 
-    /// Steps of brightness, and dots of blue of so many grey levels.
+    /// Steps of `brightness` with dots of `blue`, both in grey levels.
     fn dotted(brightness: f32, blue: f32) -> Frame<Work> {
         Frame::from_fn(|c| {
             let dots = if c == Channel::Blue { blue } else { 0.0 };

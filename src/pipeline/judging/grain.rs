@@ -1,8 +1,8 @@
 //! Grain: alternation from pixel to pixel where another picture is flat.
 //!
 //! A lens passes next to nothing of the finest details, so grain hardly changes the residuals of
-//! model and capture. It shows beside a picture that is flat there: the photo, which costs nothing,
-//! or the reference solution, which is sharp and flat at once.
+//! model and capture. It is measured where another picture is flat: the photo, which costs nothing,
+//! or the reference solution, which is both sharp and flat.
 
 use super::limits::{DATA_SHARE_MIN, FLAT, GRAIN_SEEN, GRAIN_TIMES};
 use crate::deconvolution::smoothing::mean_around;
@@ -14,9 +14,9 @@ const AROUND: usize = 2;
 /// The grain of a result and of its photo in the same flat pixels, RMS in codes of 255.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Grain {
-    /// The result's.
+    /// Grain of the result.
     pub result: f32,
-    /// The photo's.
+    /// Grain of the photo.
     pub photo: f32,
 }
 
@@ -32,7 +32,7 @@ impl Grain {
         self.photo > GRAIN_SEEN && GRAIN_TIMES * self.result < self.photo
     }
 
-    /// The result's grain over what is allowed: what is not seen, and some times the photo's.
+    /// The result's grain over the larger of the visible grain and [`GRAIN_TIMES`] the photo's.
     pub(super) fn over_allowed(&self) -> f32 {
         (self.result / GRAIN_SEEN).min(self.result / (GRAIN_TIMES * self.photo))
     }
@@ -51,8 +51,8 @@ fn flat(lightness: &Plane) -> Plane {
     mean_around(&slope, AROUND).map(|v: f32| f32::from(u8::from(v <= FLAT)))
 }
 
-/// RMS of second differences along both axes of `lightness` over `flat` pixels, at the scale where
-/// a chessboard of ± 1 is 4; nothing where too few are flat.
+/// RMS of second differences along both axes of `lightness` over `flat` pixels, scaled so that a
+/// chessboard of ± 1 gives 4; 0 if too few pixels are flat.
 fn grain(lightness: &Plane, flat: &Plane) -> f32 {
     let (width, height) = (lightness.width(), lightness.height());
     let (mut squares, mut count) = (0.0f64, 0usize);

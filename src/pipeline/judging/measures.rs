@@ -6,11 +6,11 @@
 //! | model residual over noise and over the untouched photo's | another lens, a sharp photo |
 //! | distance from the reference solution | noise and ringing that the lens hides |
 //! | grain of flat parts | the same, at the finest scale |
-//! | colours that alternate finer than lightness | channels blurred otherwise than measured |
-//! | light gained or lost | captures of a panel that is not as bright as it was |
+//! | colours that alternate finer than lightness | channels blurred differently than measured |
+//! | light gained or lost | captures of a panel that became brighter or darker |
 //!
-//! The *reference solution* is total variation's with the measured lens
-//! ([`TotalVariation::default`]): no capture goes into it, and flat parts stay flat.
+//! The *reference solution* is that of total variation with the measured lens
+//! ([`TotalVariation::default`]): it uses no captures, and flat parts stay flat.
 
 use super::distance::{Compared, lightness};
 use super::evidence::{Evidence, Residuals};
@@ -26,14 +26,14 @@ pub struct Case<'a> {
     pub photo: &'a Prepared<'a>,
     /// The result.
     pub solved: &'a Solved,
-    /// What is known of the result by itself.
+    /// Evidence about the result by itself.
     pub evidence: &'a Evidence,
     /// The reference solution, once it is solved.
     pub reference: Option<&'a Frame<Work>>,
 }
 
-/// Largest model residual over the untouched photo's, of the channels where it is more than noise;
-/// `None` where the result's photograph is the photo.
+/// Largest model residual over the untouched photo's, among the channels where it exceeds noise;
+/// `None` if the result's photograph is the photo.
 pub(super) fn residual_over_photo(case: &Case<'_>) -> Option<f64> {
     let over_noise =
         case.evidence.channels.iter().filter(|of| of.over_floor() > limits::MORE_THAN_NOISE);
@@ -41,7 +41,7 @@ pub(super) fn residual_over_photo(case: &Case<'_>) -> Option<f64> {
     largest.filter(|_| !is_certified(case)).map(f64::from)
 }
 
-/// Fine colour over fine lightness; `None` where the reference solution is dotted, too.
+/// Fine colour over fine lightness; `None` if the reference solution is dotted, too.
 pub(super) fn colour_dots(case: &Case<'_>) -> Option<f64> {
     let in_reference = case.reference.is_some_and(|reference| {
         let of = FineColour::of(reference, case.photo.observation.channels);
@@ -50,8 +50,8 @@ pub(super) fn colour_dots(case: &Case<'_>) -> Option<f64> {
     (!in_reference).then(|| case.evidence.fine_colour.over_lightness())
 }
 
-/// Grain of the result over what is allowed, where the reference solution is flat, or, before that
-/// is solved, the photo.
+/// Grain of the result over the allowed grain, in the flat parts of the reference solution or,
+/// before that is solved, of the photo.
 pub(super) fn grain(case: &Case<'_>) -> Option<f64> {
     let seen = |picture: &Frame<Work>| lightness(picture, case.photo.observation.channels);
     let grain = match case.reference {

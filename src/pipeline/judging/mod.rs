@@ -1,10 +1,10 @@
-//! Judging: no result is delivered that harms.
+//! Judging: a result that harms is not delivered.
 //!
-//! The witnesses of the [`table`] are walked twice: first for whether a result is suspect, which
-//! costs little, and then, beside the reference solution, for whether it harms. A harmful result is
-//! replaced by a solution of the measured lens alone: that of `digital` where captures led astray,
-//! else the reference solution. The photo itself is returned where no scene gives it through the
-//! measured lens, also without its outliers, or noise hides what the lens did.
+//! The witnesses of the [`table`] are evaluated twice: first for whether a result is suspect, which
+//! costs little, and then, with the reference solution, for whether it harms. A harmful result is
+//! replaced by a solution of the measured lens alone: by that of `digital` if captures led the
+//! method astray, else by the reference solution. The photo itself is returned if no scene gives it
+//! through the measured lens, even without its outliers, or if noise hides what the lens did.
 
 mod distance;
 mod evidence;
@@ -37,7 +37,7 @@ use crate::deconvolution::stage::ResultStage;
 use crate::frame::{Frame, Work};
 
 impl Verdict {
-    /// Whether something else than the method's result is delivered.
+    /// Whether something other than the method's result is delivered.
     pub fn noticed(self) -> bool {
         self != Verdict::Sound
     }
@@ -96,8 +96,8 @@ impl Pipeline {
         Ok(Outcome { verdict: Verdict::Replaced, stage, reason, captures, ..replaced })
     }
 
-    /// The result of `digital` in place of a harmful one, if captures made that one and `digital`,
-    /// which uses none, does no harm.
+    /// The outcome of `digital`, which uses no captures, in place of a harmful result. `None` if
+    /// that result used no captures either, or if `digital` also harms.
     fn without_light(
         &self,
         photo: &Prepared<'_>,
@@ -131,11 +131,11 @@ impl Pipeline {
         Ok(self.finish(photo, method.about(), solution))
     }
 
-    /// Whether no scene gives `photo` through the measured lens, `seen` being a method's candidate
-    /// of that lens alone: the finding of [`Pipeline::judge`], before any more captures.
+    /// Whether no scene gives `photo` through the measured lens, as [`Pipeline::judge`] would find,
+    /// but before any more captures; `seen` is a candidate of the lens alone, seen through it.
     pub(super) fn is_hopeless(&self, photo: &Prepared<'_>, seen: &Frame<Work>) -> bool {
         let channels = self.residuals(photo, seen);
-        // Errors of a JPEG's coding pass for a fault, of which this sensor's photos have few.
+        // A JPEG's coding errors resemble a fault, which this sensor's own photos rarely have.
         let is_own_jpeg =
             photo.shows_sensor() && photo.observation.sampling.kind() == DataKind::Jpeg;
         let limit = if is_own_jpeg { CLEARLY_FOREIGN } else { FOREIGN };
@@ -151,7 +151,7 @@ impl Pipeline {
     }
 }
 
-/// Whether luma leaves as much unexplained as the untouched photo's does.
+/// Whether the result leaves as much of luma unexplained as the untouched photo does.
 fn gains_nothing(evidence: &Evidence) -> bool {
     let found = evidence.luma_residual_over_photo();
     found.is_some_and(|found| found > NO_GAIN || found.is_nan())
@@ -165,7 +165,7 @@ fn refused(photo: &Prepared<'_>, solved: &Solved, evidence: Evidence, reason: St
     Outcome { evidence, captures: solved.captures, ..untouched }
 }
 
-/// Why a photo with these residuals is returned as it is.
+/// Sentence for the user on why a photo with these residuals is returned as it is.
 fn foreign(channels: &[Residuals]) -> String {
     let (floors, share) =
         worst_unexplained(channels).map_or((0.0, 0.0), |of| (of.over_floor(), of.over_untouched()));

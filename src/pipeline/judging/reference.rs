@@ -20,10 +20,10 @@ pub(in crate::pipeline) struct KnownCandidate<'a> {
 }
 
 impl Pipeline {
-    /// What the measured lens alone shows of `photo`, beside a `candidate` of any method.
+    /// Finding of the measured lens alone on `photo`, given a `candidate` of any method.
     ///
-    /// A refusal is to cost no more than a restoration: one foreign channel is enough, and most
-    /// foreign photos show it after a few steps of the channel that the candidate explains worst.
+    /// A refusal should cost no more than a restoration. One foreign channel is enough, and for
+    /// most foreign photos a few steps of the channel that the candidate explains worst suffice.
     pub(in crate::pipeline) fn lens_alone(
         &self,
         photo: &Prepared<'_>,
@@ -43,7 +43,7 @@ impl Pipeline {
     }
 
     /// Residuals of a short reference solution in the channel that `candidate` explains worst. A
-    /// JPEG is decoded by the candidate: its file is decoded only once a picture is known.
+    /// JPEG is decoded with the candidate, because decoding needs a picture.
     fn short_residuals(&self, photo: &Prepared<'_>, candidate: KnownCandidate<'_>) -> Residuals {
         let (observation, lens) = (&photo.observation, &self.lens_of(photo).model);
         let listed = observation.channels.list().iter().zip(candidate.channels);

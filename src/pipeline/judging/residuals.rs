@@ -17,7 +17,7 @@ use crate::pipeline::Pipeline;
 use crate::pipeline::stages::{Prepared, Solved};
 
 impl Pipeline {
-    /// What is known of `solved` by itself.
+    /// Evidence about `solved` by itself, without a reference solution.
     pub fn evidence(&self, photo: &Prepared<'_>, solved: &Solved) -> Evidence {
         let photo_seen = lightness(&photo.photo, photo.observation.channels);
         let result = lightness(&solved.picture, photo.observation.channels);
@@ -53,7 +53,7 @@ impl Pipeline {
         let observation = &photo.observation;
         let expected = observation.sampling.expected_data(seen);
         let data = expected.as_ref().unwrap_or(&observation.light);
-        // Before the channels part, or each would compute them.
+        // Computed before the channels run in parallel, or each would compute them.
         self.untouched(photo);
         self.model_error.shares(&self.lens.model, observation.rect);
         let residuals = |&c: &Channel| {
@@ -87,7 +87,7 @@ impl Pipeline {
         let mean = |of: &Plane| (sum_over(of, &valid) / count.max(1) as f64) as f32;
         let light = mean(placed);
         let untouched = self.untouched(photo)[c.index()];
-        // A channel with too few valid pixels says nothing.
+        // A channel with too few valid pixels is no evidence.
         let counts = count as f64 >= DATA_SHARE_MIN * photo.observation.rect.size.area() as f64;
         let if_it_counts = |value: f32| if counts { value } else { 0.0 };
         Residuals {
@@ -125,19 +125,19 @@ impl Pipeline {
     }
 }
 
-/// One channel of a candidate beside its data.
+/// One channel of a candidate, and its data.
 pub(super) struct Explained<'a> {
     /// The candidate through the lens.
     pub(super) seen: &'a Plane,
-    /// The photo, as its file may state it of this candidate.
+    /// The photo; if it is a JPEG, as decoded with this candidate.
     pub(super) data: &'a Plane,
     /// Noise of the data, grey levels.
     pub(super) noise: f32,
 }
 
-/// Valid pixels of a channel of `photo`: those that no light from beyond saturated ones reaches
-/// through `lens`. Where saturated pixels lie everywhere, as clipped noise or a night's lights, the
-/// reach shrinks until enough pixels remain.
+/// Valid pixels of a channel of `photo`: those to which `lens` brings no light from saturated
+/// pixels, whose excess is unknown. If saturated pixels are everywhere, as in clipped noise or
+/// lights at night, the reach is halved until enough pixels remain.
 pub(in crate::pipeline) fn valid_pixels(
     photo: &Prepared<'_>,
     lens: &LensModel,
@@ -161,7 +161,7 @@ fn sum_over(plane: &Plane, valid: &Plane<u8>) -> f64 {
     values.map(|(&v, _)| f64::from(v)).sum()
 }
 
-/// `trust` without the pixels within `reach` of a saturated one.
+/// `trust` with the pixels within `reach` of a saturated one marked missing.
 fn away_from_saturated(trust: &Plane<u8>, reach: usize) -> Plane<u8> {
     let mut valid = trust.clone();
     let near = |at: usize, length: usize| at.saturating_sub(reach)..(at + reach + 1).min(length);

@@ -23,15 +23,15 @@ pub struct WitnessRow {
     pub unit: Unit,
     /// The measure; `None` where it does not apply.
     pub(super) measure: fn(&Case<'_>) -> Option<f64>,
-    /// Above this the reference solution is solved.
+    /// Measure above which a result is suspect, and the reference solution is solved.
     pub suspect_above: Option<f64>,
-    /// Above this the result is replaced.
+    /// Measure above which a result harms, and is replaced.
     pub harm_above: Option<f64>,
     /// Sentence for the user; `{found}` and `{allowed}` stand for numbers in the unit.
     pub(super) sentence: &'static str,
 }
 
-/// The witnesses, in the order in which harm is stated.
+/// The witnesses, in the order in which harm is reported.
 pub const WITNESSES: [WitnessRow; 8] = [
     WitnessRow {
         name: "light",

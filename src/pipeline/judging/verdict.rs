@@ -1,9 +1,9 @@
-//! The walk of the table.
+//! Evaluation of the witnesses of a result.
 
 use super::measures::Case;
 use super::table::{Unit, WITNESSES, WitnessRow};
 
-/// What each witness of a table measures of a result; `None` where a measure does not apply.
+/// Measures of a result, one per witness of a table; `None` where a measure does not apply.
 pub type Measures = Vec<Option<f64>>;
 
 impl Case<'_> {
@@ -13,14 +13,14 @@ impl Case<'_> {
     }
 }
 
-/// Whether a result calls for a reference solution: any of a method that does not start from the
-/// lens model, and any that a witness suspects.
+/// Whether a result needs a reference solution: because its method does not start from the lens
+/// model, or because a witness suspects it.
 pub fn is_suspect(table: &[WitnessRow], found: &Measures, starts_from_lens: bool) -> bool {
     let mut each = table.iter().zip(found);
     !starts_from_lens || each.any(|(witness, found)| exceeds(*found, witness.suspect_above))
 }
 
-/// The first witness by which a result harms, and its place in the table.
+/// The first witness by which a result harms, and its index in the table.
 pub fn harm<'a>(table: &'a [WitnessRow], found: &Measures) -> Option<(usize, &'a WitnessRow)> {
     let mut each = table.iter().enumerate().zip(found);
     let harmful = each.find(|((_, witness), found)| exceeds(**found, witness.harm_above));

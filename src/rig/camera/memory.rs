@@ -1,4 +1,4 @@
-//! Memory of cameras for frames, and errors of cameras.
+//! Reusable memory for the frames of cameras, and their errors.
 
 use crate::frame::{Counts, Plane, Size};
 use crate::rig::RigError;
@@ -11,7 +11,7 @@ pub(super) fn refused(found: impl Into<String>, allowed: impl Into<String>) -> R
     RigError::refused("camera", found, allowed)
 }
 
-/// Error of a camera between its loss and a successful reopening.
+/// Error of a camera that was lost and has not been reopened.
 pub(super) fn not_open() -> RigError {
     gone("it was lost and is not open")
 }

@@ -1,8 +1,8 @@
 //! Pixel formats of cameras, unpacked into planes of counts.
 //!
-//! A count is the value of the sensor's converter, or one that the camera has processed. The planes
-//! keep the camera's pixel grid; missing colours of a Bayer sensor are means of the nearest sites,
-//! which is linear in the light.
+//! A count is a value of the sensor's converter, raw or processed by the camera. The planes keep
+//! the camera's pixel grid. Colours that a Bayer sensor lacks at a pixel are means of the nearest
+//! sites, which keeps them linear in the light.
 
 mod samples;
 #[cfg(test)]
@@ -19,7 +19,7 @@ pub use y_cb_cr::YCbCr;
 /// Layout of pixels in memory, after V4L2's four-character codes
 /// (<https://docs.kernel.org/userspace-api/media/v4l/pixfmt.html>).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[allow(missing_docs)] // Their types describe the fields.
+#[allow(missing_docs)] // The fields' types describe them.
 pub enum PixelFormat {
     /// One sample per pixel.
     Grey(Samples),
@@ -36,9 +36,9 @@ pub enum PixelFormat {
     Jpeg,
 }
 
-/// Error of a frame's bytes.
+/// Error in the bytes of a frame.
 #[derive(Debug, thiserror::Error)]
-#[allow(missing_docs)] // The sentences describe them.
+#[allow(missing_docs)] // The messages describe the variants.
 pub enum BadFrame {
     #[error(
         "a {format} frame of {size} with {stride_bytes} bytes a row has {found} bytes; {wanted} \
@@ -103,14 +103,14 @@ impl PixelFormat {
         ]
     };
 
-    /// Format of a four-character code (`"GREY"`, `"RG10"`, …) or of a name in the Pixel Format
-    /// Naming Convention (`"Mono8"`, `"BayerRG12p"`, …); `None` if it is not supported.
+    /// Format with this four-character code (`"GREY"`, `"RG10"`, …) or this name in the Pixel
+    /// Format Naming Convention (`"Mono8"`, `"BayerRG12p"`, …); `None` if it is not supported.
     pub fn from_code(code: &str) -> Option<Self> {
         let known = Self::ALL.iter().find(|(name, _)| *name == code.trim_end());
         known.map(|&(_, format)| format).or_else(|| Self::from_pfnc(code))
     }
 
-    /// Format of a name in the Pixel Format Naming Convention.
+    /// Format with this name in the Pixel Format Naming Convention.
     fn from_pfnc(name: &str) -> Option<Self> {
         if let Some(samples) = name.strip_prefix("Mono") {
             return Samples::from_pfnc(samples).map(PixelFormat::Grey);
@@ -125,14 +125,14 @@ impl PixelFormat {
         }
     }
 
-    /// Format of a code for counts of `bits`. Fewer than 16 bits in a format of 16 are the upper
-    /// ones (rp1-cfe and other CSI-2 receivers). `None` if the format has another depth.
+    /// Format with this code and counts of `bits`. Fewer than 16 bits in a format of 16 are the
+    /// upper ones (rp1-cfe and other CSI-2 receivers). `None` if the format has another depth.
     pub fn from_code_and_bits(code: &str, bits: u8) -> Option<Self> {
         let narrowed = Self::from_code(code)?.with_samples(|samples| samples.in_upper(bits));
         (narrowed.bits() == bits).then_some(narrowed)
     }
 
-    /// Coding of the samples, where there is one per pixel.
+    /// Coding of the samples; `None` unless the format has one per pixel.
     fn samples(self) -> Option<Samples> {
         match self {
             PixelFormat::Grey(samples) | PixelFormat::Bayer { samples, .. } => Some(samples),
@@ -140,7 +140,7 @@ impl PixelFormat {
         }
     }
 
-    /// The format with another coding of its samples.
+    /// Applies `change` to the coding of the samples.
     fn with_samples(self, change: impl Fn(Samples) -> Samples) -> Self {
         match self {
             PixelFormat::Grey(samples) => PixelFormat::Grey(change(samples)),
@@ -164,7 +164,7 @@ impl PixelFormat {
         }
     }
 
-    /// Unpacked samples of `bits` behind colour filters.
+    /// Format of unpacked samples of `bits` bits behind colour filters.
     pub fn raw(mosaic: Mosaic, bits: u8) -> Self {
         let samples = match bits {
             8 => Samples::Bytes,
@@ -199,7 +199,7 @@ impl PixelFormat {
         self.samples().map_or(8, Samples::bits)
     }
 
-    /// Whether rows of `width` pixels end with a byte in every packing.
+    /// Whether `width` pixels fill whole packing groups, so that a row ends with a whole byte.
     pub fn has_whole_rows(self, width: usize) -> bool {
         self.samples().is_none_or(|samples| samples.has_whole_rows(width))
     }
@@ -209,12 +209,12 @@ impl PixelFormat {
         self.layout(Size::new(width, 1)).0
     }
 
-    /// Whether its values depend on the range stated by the driver.
+    /// Whether the meaning of the values depends on the quantisation range that the driver states.
     pub fn has_range(self) -> bool {
         matches!(self, PixelFormat::YCbCr(_))
     }
 
-    /// Bytes per row and rows of a frame of `size`.
+    /// Bytes per row and number of rows of a frame of `size`; zeros for JPEGs.
     fn layout(self, size: Size) -> (usize, usize) {
         match self {
             PixelFormat::Grey(samples) | PixelFormat::Bayer { samples, .. } => {
@@ -226,7 +226,7 @@ impl PixelFormat {
         }
     }
 
-    /// Bytes of a frame of `size` with rows `stride_bytes` apart; 0 where frames differ in length.
+    /// Bytes of a frame of `size` with rows `stride_bytes` apart; 0 for formats of varying length.
     pub fn frame_bytes(self, size: Size, stride_bytes: usize) -> usize {
         let (row_bytes, height) = self.layout(size);
         height.saturating_sub(1) * stride_bytes + row_bytes
@@ -275,7 +275,7 @@ impl PixelFormat {
     }
 }
 
-/// Unpacks rows of three bytes per pixel, with red, green and blue at `order`.
+/// Unpacks rows of three bytes per pixel; `order` has the offsets of red, green and blue.
 fn three_bytes<'a>(rows: impl Iterator<Item = &'a [u8]>, counts: &mut Counts, order: [usize; 3]) {
     for (y, row) in rows.enumerate() {
         let [red, green, blue] = counts.planes_mut().each_mut().map(|plane| plane.row_mut(y));

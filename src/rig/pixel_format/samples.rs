@@ -4,24 +4,25 @@
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[allow(missing_docs)] // Fields are described with their variants.
 pub enum Samples {
-    /// A byte.
+    /// One byte per sample.
     Bytes,
     /// A little-endian 16-bit word of 10, 12 or 16 significant bits, above `shift` unused ones.
     Words { bits: u8, shift: u8 },
-    /// Packing of MIPI CSI-2 (V4L2's `…P` formats): bytes with the upper eight bits of four samples
-    /// of 10 bits or two of 12, then a byte with their lower bits, those of the first sample
-    /// lowest.
+    /// Packing of MIPI CSI-2 (V4L2's `…P` formats) of four samples of 10 bits or two of 12: a byte
+    /// with the upper eight bits of each, then a byte with the lower bits of all, the first
+    /// sample's lowest.
     Packed { bits: u8 },
-    /// Packing of USB3 Vision (`…p` in the Pixel Format Naming Convention 2.4): a stream of bits,
-    /// the lowest of the first sample first.
+    /// Packing of USB3 Vision (`…p` in the Pixel Format Naming Convention 2.4): a stream of bits
+    /// that begins with the lowest bit of the first sample.
     Stream { bits: u8 },
-    /// Packing of GigE Vision (`…Packed`): the upper eight bits of a sample, a byte with the lower
-    /// bits of both in its halves, those of the first lowest, the upper eight bits of the other.
+    /// Packing of GigE Vision (`…Packed`) of two samples in three bytes: the upper eight bits of
+    /// the first, the lower bits of both (the first in the lower half), the upper eight bits of the
+    /// second.
     Pair { bits: u8 },
 }
 
 impl Samples {
-    /// Coding of the end of a name in the Pixel Format Naming Convention, such as `12p`.
+    /// Coding for the `ending` of a name in the Pixel Format Naming Convention, such as `12p`.
     pub(super) fn from_pfnc(ending: &str) -> Option<Samples> {
         Some(match ending {
             "8" => Samples::Bytes,
@@ -47,12 +48,12 @@ impl Samples {
         }
     }
 
-    /// Whether `width` samples are whole groups.
+    /// Whether `width` samples fill whole packing groups.
     pub(super) fn has_whole_rows(self, width: usize) -> bool {
         width.is_multiple_of(self.group().0)
     }
 
-    /// The coding with `bits` in the upper part of 16-bit words; others are unchanged.
+    /// Narrows 16-bit words to their upper `bits`; other codings are unchanged.
     pub(super) fn in_upper(self, bits: u8) -> Samples {
         match self {
             Samples::Words { bits: 16, .. } if (9..16).contains(&bits) => {
@@ -62,7 +63,7 @@ impl Samples {
         }
     }
 
-    /// The coding with all bits of its words.
+    /// Widens narrowed words to all of their bits; undoes [`Samples::in_upper`].
     pub(super) fn whole(self) -> Samples {
         match self {
             Samples::Words { bits, shift } => Samples::Words { bits: bits + shift, shift: 0 },
@@ -70,7 +71,7 @@ impl Samples {
         }
     }
 
-    /// Samples and bytes of a group.
+    /// Samples and bytes per packing group.
     fn group(self) -> (usize, usize) {
         match self {
             Samples::Bytes => (1, 1),
@@ -80,7 +81,7 @@ impl Samples {
         }
     }
 
-    /// Bytes of `width` samples, in whole groups.
+    /// Bytes of `width` samples, rounded up to whole groups.
     pub(super) fn row_bytes(self, width: usize) -> usize {
         let (samples, bytes) = self.group();
         width.div_ceil(samples) * bytes

@@ -97,7 +97,7 @@ fn y_cb_cr_gives_the_colour_bars_of_bt601() {
         let frames: [(&str, &[u8], Size, usize); 3] = [
             ("YUYV", &[y, cb, y, cr], Size::new(2, 1), 4),
             ("UYVY", &[cb, y, cr, y], Size::new(2, 1), 4),
-            // Rows of brightness, one of colour for both, all with a byte of padding.
+            // Two rows of luma, then one of chroma for both, each padded by a byte.
             ("NV12", &[y, y, 9, y, y, 9, cb, cr, 9], Size::new(2, 2), 3),
         ];
         for (code, bytes, size, stride_bytes) in frames {

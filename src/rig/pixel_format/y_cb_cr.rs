@@ -9,12 +9,12 @@ pub enum YCbCr {
     Yuyv,
     /// 4:2:2: Cb Y′ Cr Y′ of two pixels.
     Uyvy,
-    /// 4:2:0: all Y′, then Cb Cr of every four pixels, with the same stride.
+    /// 4:2:0: all Y′, then one pair of Cb Cr for every 2 × 2 pixels, with the same stride.
     Nv12,
 }
 
 impl YCbCr {
-    /// Bytes per row and rows of a frame.
+    /// Bytes per row and number of rows of a frame, those of chroma included.
     pub(super) fn rows(self, size: Size) -> (usize, usize) {
         let even = 2 * size.width.div_ceil(2);
         match self {

@@ -1,7 +1,7 @@
 //! The optical bench over time: pictures on the panel, exposures of the camera.
 //!
-//! Time is a number that waiting advances. All rows of a picture appear together; their scan-out of
-//! up to one refresh is covered by `panel.settle-ms`.
+//! Time is a number that advances when a device waits. All rows of a picture appear together; their
+//! scan-out of up to one refresh is covered by `panel.settle-ms`.
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -18,14 +18,14 @@ use crate::config::{CameraTable, DisplayTable, Faults, PanelTable, RigFile, Simu
 use crate::frame::{Channel, Codes, Counts, Frame, Plane, Rect, Size};
 use crate::rig::{Exposed, Flip, Moment, RigError};
 
-/// Progress at which a picture counts as settled: 1e-5 of full scale, far below any noise.
+/// Progress at which a picture counts as settled: within 1e-5 of full scale, far below any noise.
 const ARRIVED: f64 = 1.0 - 1e-5;
 
 /// A picture on the panel, with its light on the sensor once computed.
 #[derive(Clone)]
 struct Picture {
     codes: Arc<Codes>,
-    /// Has no shift for a panel between two pictures, whose light is not computed again.
+    /// Light once computed. A mixture of two pictures has no shift, since it is not computed again.
     light: Option<PanelLight>,
 }
 
@@ -49,11 +49,11 @@ pub(super) struct OpticalBench {
     pub(super) display: DisplayTable,
     pub(super) seed: u64,
     pub(super) unrest: Unrest,
-    /// Wander of the panel so far, and displacement of this capture, in sensor pixels.
+    /// Wander of the panel so far, and its displacement in this capture, in sensor pixels.
     wandered_px: [f64; 2],
     moved_px: [f64; 2],
     wear: Wear,
-    /// Start of the wear.
+    /// Time at which the wear started.
     worn_s: f64,
     dead_pixels: Vec<usize>,
     dust: Option<Plane>,
@@ -61,7 +61,7 @@ pub(super) struct OpticalBench {
     before: Picture,
     now: Picture,
     change_s: f64,
-    /// Starts of exposures whose frames are pending.
+    /// Starting times of exposures whose frames are pending.
     fired_s: VecDeque<f64>,
     exposures: u64,
     /// Exposure as a multiple of the rig file's.
@@ -70,14 +70,14 @@ pub(super) struct OpticalBench {
     gain_times: f64,
     sequence: u32,
     last: Option<Exposed>,
-    /// Light on the sensor of a scene in the panel's place.
+    /// Light on the sensor from a scene that takes the panel's place.
     pub(super) scene: Option<Arc<[Plane; 3]>>,
     /// Time at which a disconnected camera can be reopened; `None` while it is connected.
     away_until_s: Option<f64>,
 }
 
 impl OpticalBench {
-    /// The bench of `rig`, whose panel is black and in the place of `map`, at time 0.
+    /// The bench of `rig` at time 0, with a black panel in the place that `map` describes.
     pub(super) fn new(
         rig: &RigFile,
         simulation: &Simulation,
@@ -131,8 +131,8 @@ impl OpticalBench {
         self.now_s = self.now_s.max(moment.0);
     }
 
-    /// Sets the exposure to `times` the rig file's. Read noise in electrons stays, and corresponds
-    /// to less light.
+    /// Sets the exposure to `times` the rig file's. Read noise is constant in electrons, so it
+    /// corresponds to less light.
     pub(super) fn expose_times(&mut self, times: f64) {
         let longer = times / self.exposure_times;
         self.camera.exposure_ms *= longer;
@@ -141,7 +141,7 @@ impl OpticalBench {
         self.exposure_times = times;
     }
 
-    /// Sets the gain to `times` the rig file's. Fewer electrons then fill the range of counts.
+    /// Sets the gain to `times` the rig file's. The range of counts then holds fewer electrons.
     pub(super) fn amplify_times(&mut self, times: f64) {
         let more = times / self.gain_times;
         self.sensor.config.white_share *= more;
@@ -261,7 +261,7 @@ impl OpticalBench {
         Ok(exposed)
     }
 
-    /// Counts with the panel at `share` of the transition to the current picture.
+    /// Counts of an exposure with the panel at `share` of the transition to the current picture.
     fn expose(&mut self, share: f64, number: u64) -> Counts {
         if let Some(scene) = &self.scene {
             return self.sensor.photograph(scene, self.seed, number);
@@ -321,7 +321,7 @@ impl OpticalBench {
         light
     }
 
-    /// Light of a picture from the panel's current place.
+    /// Light on the sensor from `picture`, with the panel in its current place.
     fn light_of_picture(&mut self, picture: Picture) -> Arc<[Plane; 3]> {
         match picture.light {
             Some((light, Some(moved_px))) if moved_px == self.moved_px => light,
@@ -344,7 +344,7 @@ impl OpticalBench {
         Channel::ALL.map(|channel| {
             let (c, codes) = (channel.index(), codes.plane(channel));
             let mut light = match (uniform(codes), &self.flat[c]) {
-                // Most planes of a calibration are uniform: one picture, scaled.
+                // Most planes of a calibration are uniform: a single flat is computed, then scaled.
                 (Some(code), Some(flat)) => {
                     let level = self.response[c][usize::from(code)] / 255.0;
                     flat.map(|v| v * level)
@@ -372,7 +372,7 @@ impl OpticalBench {
         light
     }
 
-    /// Light on the sensor of the panel's emitted light.
+    /// Light on the sensor from `panel`, the light that the panel's pixels emit.
     fn through(&self, channel: Channel, panel: &Plane) -> Plane {
         let optics = &self.optics;
         let [right, down] = self.projection.offset_px(self.moved_px);
@@ -389,13 +389,13 @@ impl OpticalBench {
     }
 }
 
-/// Code of a uniform plane.
+/// The code of a uniform plane; `None` if the plane is not uniform.
 fn uniform(plane: &Plane<u8>) -> Option<u8> {
     let first = *plane.data().first()?;
     plane.data().iter().all(|&code| code == first).then_some(first)
 }
 
-/// Rows above `split` from `upper`, the others from `lower`.
+/// A frame with the rows above `split` from `upper` and the others from `lower`.
 fn upper_and_lower(upper: &Counts, mut lower: Counts, split: usize) -> Counts {
     let Size { width, .. } = lower.size();
     for channel in Channel::ALL {

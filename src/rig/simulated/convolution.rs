@@ -13,7 +13,7 @@ use rustfft::{Fft, FftPlanner};
 
 use crate::frame::{Channel, Plane, Size};
 
-/// Evenly spaced nodes along one axis; beyond the outermost ones functions are constant.
+/// Evenly spaced nodes along one axis; beyond the outermost nodes the functions are constant.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Axis {
     /// Place of the first node.
@@ -37,7 +37,7 @@ impl Axis {
         (1.0 - (t - n as f64).abs()).max(0.0)
     }
 
-    /// The part of a frame of `length` pixels that node `n` weighs.
+    /// The part of a frame of `length` pixels in which node `n` has weight.
     fn span(&self, n: usize, length: usize) -> Span {
         let weights: Vec<f32> = (0..length).map(|x| self.weight(n, x as f64) as f32).collect();
         let start = weights.iter().position(|&w| w > 0.0).unwrap_or(0);
@@ -46,7 +46,7 @@ impl Axis {
     }
 }
 
-/// A node's part of the frame.
+/// A node's part of the frame, and its weights there.
 #[derive(Debug, Clone)]
 struct Span {
     start: usize,
@@ -63,7 +63,7 @@ struct TileTransform {
     inverse_columns: Arc<dyn Fft<f32>>,
 }
 
-/// Buffers of a worker.
+/// Buffers of a worker thread.
 struct TileScratch {
     row: Vec<f32>,
     line: Vec<Complex<f32>>,
@@ -216,7 +216,7 @@ impl Convolution {
         out
     }
 
-    /// Output of the nodes of row `n`: first row in the padded frame, and rows of `stride`.
+    /// Output of the nodes of row `n`: its first row in the padded frame, and its rows of `stride`.
     fn strip(
         &self,
         channel: Channel,

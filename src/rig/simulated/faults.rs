@@ -8,7 +8,7 @@ use crate::config::Faults;
 /// Fault of an exposure.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Fault {
-    /// Nothing.
+    /// No fault.
     None,
     /// The frame shows the previous picture.
     Stale,

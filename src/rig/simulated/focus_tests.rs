@@ -26,8 +26,8 @@ fn a_scene_out_of_focus_is_blurred_by_the_cone_of_light() {
         let green = plane.plane(Channel::Green).clone();
         moments_of(green.data().iter().map(|&v| f64::from(v)), size.width).1
     });
-    // A cone of 18.75 mm cut this far from its tip: a disc, whose second moment is half its
-    // radius squared. The sharp image is the one of least moment, so that moments add.
+    // The cone of light, 18.75 mm wide at the lens, is cut off its tip: a disc, whose second moment
+    // is half its radius squared. The sharp image has the least moment, so moments add.
     let [v, sharp_v] = [3200.0, 4000.0].map(image_mm);
     let radius_px = 18.75 / 2.0 * (v - sharp_v) / v / 0.04;
     let grown = after - before;
@@ -51,7 +51,7 @@ fn a_lens_focused_nearer_magnifies_the_panel_and_blurs_it() {
     assert!((after / before / grown - 1.0).abs() < 5e-4, "{before} {after} {grown}");
     assert!(wide - narrow * grown.powi(2) > 0.3, "{narrow} {wide}");
 
-    // Turning the ring does what opening such a rig does, and turning it back undoes it.
+    // Refocusing has the same effect as opening a rig with that focus, and can be undone.
     let (_, _, mut turned) = quiet_with(&quiet);
     let first = turned.light_on_sensor(&left);
     turned.refocus(3200.0).expect("a traced lens");
@@ -115,7 +115,7 @@ fn captures_are_displaced_as_much_as_stated() {
     let wandered = displacements(config::Unrest { wander_px: 0.03, ..Default::default() }, 150);
     for axis in 0..2 {
         let (_, sigma) = mean_and_sigma(shaken.iter().map(|at| at[axis]));
-        // 150 of them know their deviation to 6 %.
+        // A standard deviation of 150 values has an error of 6 %.
         assert!((sigma / 0.05 - 1.0).abs() < 0.2, "{axis}: {sigma}");
         let steps = wandered.windows(2).map(|two| two[1][axis] - two[0][axis]);
         let (_, step) = mean_and_sigma(steps);
@@ -158,7 +158,7 @@ fn a_panel_drifts_and_flickers_as_much_as_stated() {
 
 #[test]
 fn a_drifted_panel_looks_like_one_that_was_moved() {
-    // The hardest there is: edges at every panel pixel.
+    // The hardest case: edges at every panel pixel.
     let (config, mut rig, mut witness) = quiet_with(&[]);
     let codes = Frame::from_fn(|c| {
         Plane::from_fn(config.panel.size(), |x, y| {
@@ -173,7 +173,7 @@ fn a_drifted_panel_looks_like_one_that_was_moved() {
         witness.knock_panel(-across, -down);
         let drift_px_per_h = [across, down];
         witness.set_unrest(config::Unrest { drift_px_per_h, ..Default::default() });
-        // Of a picture that was on the panel before, too.
+        // The same picture as before must be displaced, too.
         let crept = rig.capture(&codes).expect("no faults").counts;
         witness.set_unrest(config::Unrest::default());
         let rms = |counts: &Counts| {

@@ -3,12 +3,12 @@
 use crate::config::Glare;
 use crate::frame::{Plane, Size};
 
-/// Cells of the coarse grid per standard deviation; more change the result by less than 0.1 %.
+/// Cells of the coarse grid per standard deviation; more would change the result by under 0.1 %.
 const CELLS_PER_SIGMA: f32 = 6.0;
 /// Extent of the Gaussian in standard deviations: 6e-5 of the light is beyond.
 const CUT: f32 = 4.0;
 
-/// Scatters the share of `glare`; light scattered out of the frame is lost.
+/// Scatters the share of light given by `glare`; light scattered out of the frame is lost.
 pub(super) fn scatter(light: Plane, glare: Glare) -> Plane {
     if glare.share <= 0.0 {
         return light;

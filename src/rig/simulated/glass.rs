@@ -2,8 +2,8 @@
 
 use crate::config::Glass;
 
-/// Refractive index at `wavelength_nm`, with air as 1. Sellmeier coefficients of data sheets of
-/// Schott (optical glass catalogue), and of Malitson 1965 for fused silica.
+/// Refractive index at `wavelength_nm` relative to air. The Sellmeier coefficients are from data
+/// sheets of Schott (optical glass catalogue) and, for fused silica, from Malitson 1965.
 pub(super) fn index(glass: Glass, wavelength_nm: f64) -> f64 {
     // n² − 1 = Σ B·λ²/(λ² − C), λ in µm.
     let (b, c) = match glass {

@@ -39,10 +39,10 @@ use super::binned::binned;
 use super::exposure::{Devices, Timing};
 use crate::config;
 
-/// Builds the simulated rig `rig` with its witness.
+/// Builds the simulated `rig` and its witness.
 ///
 /// # Errors
-/// [`RigError::Refused`] if `rig` is not simulated or its prescription is no usable lens.
+/// [`RigError::Refused`] if `rig` is not simulated or its lens forms no real image.
 pub fn open(rig: &config::RigFile) -> Result<(Devices, Witness), RigError> {
     let Some(simulation) = rig.simulation() else {
         let found = format!("the rig `{}` of real devices", rig.name);

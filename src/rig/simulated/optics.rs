@@ -13,10 +13,10 @@ use crate::config::{Glare, Pose, Prescription, Primaries, Simulation};
 use crate::frame::{Channel, Plane, Rect, Size, once};
 use crate::rig::RigError;
 
-/// Share of a function's light outside its support that is worth a warning. Guess.
+/// Share of a function's light outside its support above which a warning is logged. Guess.
 const LOST_SHARE_MAX: f64 = 0.02;
 
-/// Light source and placement of a function.
+/// Source of the light, and geometry in which a function is placed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Light {
     /// The panel's primaries, in the green channel's geometry: a capture.
@@ -25,14 +25,14 @@ pub enum Light {
     Scene,
 }
 
-/// A traced lens. A scene's light is traced for the first photograph.
+/// A traced lens. A scene's light is traced on the first photograph.
 struct TracedFunctions {
     prescription: Prescription,
-    /// Geometry at the panel's distance.
+    /// Radial geometry at the panel's distance.
     radial: Radial,
     /// Magnification of the panel relative to a lens focused on it: focus breathing.
     breathing: f64,
-    /// The lens before a scene, and the geometry at its distance.
+    /// Lens with the scene as its object, and radial geometry at the scene's distance.
     before_scene: Focused,
     scene_radial: Radial,
     filters: Primaries,
@@ -106,8 +106,8 @@ impl TracedFunctions {
     }
 }
 
-/// The lens of a rig, on a grid that extends the sensor by `pad` pixels on every side, the radius
-/// of a function.
+/// The lens of a rig, on a grid that extends the sensor by `pad` pixels on every side: half the
+/// width of a function.
 pub(super) struct Optics {
     pub(super) sensor: Size,
     pub(super) photo: Rect,
@@ -122,7 +122,7 @@ pub(super) struct Optics {
 }
 
 impl Optics {
-    /// Traces the lens for a `sensor` with the photo at `photo`. Fails without a real image.
+    /// Traces the lens for a `sensor` with the photo at `photo`; fails if it forms no real image.
     pub(super) fn new(
         simulation: &Simulation,
         sensor: Size,
@@ -140,24 +140,24 @@ impl Optics {
         Ok(Optics { sensor, photo, pad, traced, axes, glare, convolutions, dark_corners })
     }
 
-    /// Width and height of a function.
+    /// Width and height of a function, pixels.
     pub(super) fn support_px(&self) -> usize {
         self.traced.prescription.support_px
     }
 
-    /// Prepares captures.
+    /// Warns of light that is lost, and computes in advance what captures need.
     pub(super) fn prepare(&self) {
         self.warn_of_lost_light();
         self.convolution(Light::Panel);
         self.dark_corner(Light::Panel);
     }
 
-    /// Size of the grid.
+    /// Size of the extended grid.
     pub(super) fn grid(&self) -> Size {
         Size::new(self.sensor.width + 2 * self.pad, self.sensor.height + 2 * self.pad)
     }
 
-    /// The panel's map in the green geometry for `pose`.
+    /// The map of a panel in `pose`, in the green channel's geometry.
     pub(super) fn map(&self, pose: &Pose, panel: Size) -> PanelMap {
         let TracedFunctions { prescription, radial, breathing, .. } = &*self.traced;
         let pitch = prescription.pixel_pitch_um / 1000.0;
@@ -171,7 +171,7 @@ impl Optics {
         PanelMap::new(pose, panel, self.sensor, distance, (radial.clone(), pitch))
     }
 
-    /// Sensor place `at` relative to the optical axis.
+    /// Converts sensor place `at` to one relative to the optical axis.
     fn relative_to_axis(&self, at: [f64; 2]) -> [f64; 2] {
         let offset = self.traced.prescription.axis_offset_px;
         let middle = [self.sensor.width, self.sensor.height].map(|side| (side as f64 - 1.0) / 2.0);
@@ -213,7 +213,7 @@ impl Optics {
         })
     }
 
-    /// Relative illumination over the sensor.
+    /// Relative illumination over the sensor, per channel.
     pub(super) fn dark_corner(&self, light: Light) -> &[Plane; 3] {
         self.dark_corners[light as usize].get_or_init(|| {
             Channel::ALL.map(|channel| {
@@ -257,8 +257,8 @@ impl Optics {
     }
 }
 
-/// `count` nodes over `length` pixels from `start` on, and one more on either side, so that
-/// functions vary up to the border.
+/// An axis of `count` nodes over `length` pixels from `start` on, and one more node on either side,
+/// so that functions vary up to the border.
 fn spread(length: usize, count: usize, start: usize) -> Axis {
     let step = length as f64 / count as f64;
     Axis { first: start as f64 - 0.5 * step - 0.5, step, count: count + 2 }

@@ -19,9 +19,9 @@ pub(super) fn response(display: &DisplayTable, channel: usize) -> [f32; 256] {
 
 /// Shading of an uneven panel.
 pub(super) struct Shading {
-    /// Factor of a code's light, per channel.
+    /// Factor by which the light of a code is multiplied, per channel.
     pub(super) gain: [Plane; 3],
-    /// Added light, independent of the code.
+    /// Light added independently of the code.
     pub(super) veil: Plane,
 }
 
@@ -49,8 +49,8 @@ impl Shading {
     }
 }
 
-/// Mean progress from the last picture to the new one over an exposure, 0..1: an exponential
-/// approach from `change_s` on, with time constant `response_s`.
+/// Mean progress from the last picture to the new one over an exposure, 0..1. The panel approaches
+/// the new picture exponentially from `change_s` on, with time constant `response_s`.
 pub(super) fn approach(change_s: f64, response_s: f64, from_s: f64, to_s: f64) -> f64 {
     let begin = from_s.max(change_s);
     if to_s <= begin {
@@ -69,13 +69,13 @@ pub(super) struct Projection {
     half: f32,
     /// Exact offset of panel pixels from grid pixels, if both grids coincide.
     identity: Option<[isize; 2]>,
-    /// Steps on the panel of one sensor pixel right and down, in the middle.
+    /// Steps on the panel, in its pixels, for one sensor pixel right and one down, in the middle.
     pub(super) steps: [[f64; 2]; 2],
 }
 
 impl Projection {
-    /// Offset of the panel in its own pixels when it is seen `moved_px` sensor pixels to the right
-    /// and down; a small offset, over which lens and perspective are constant.
+    /// Offset of the panel, in its own pixels, when it appears `moved_px` sensor pixels to the
+    /// right and down. The offset must be small, so that lens and perspective are constant over it.
     pub(super) fn offset_px(&self, moved_px: [f64; 2]) -> [f64; 2] {
         let [right, down] = moved_px;
         [0, 1].map(|n| right * self.steps[0][n] + down * self.steps[1][n])
@@ -141,7 +141,7 @@ fn row_of(panel: &Plane, y: isize) -> Option<&[f32]> {
     usize::try_from(y).ok().filter(|&y| y < panel.height()).map(|y| panel.row(y))
 }
 
-/// First pixel under a footprint along one axis, and shares of the three pixels from there on.
+/// First pixel under a footprint along one axis, and the shares of it and the next two pixels.
 fn shares(centre: f32, half: f32) -> (isize, [f32; 3]) {
     let (low, high) = (centre - half + 0.5, centre + half + 0.5);
     let first = low.floor();

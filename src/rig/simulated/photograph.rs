@@ -14,7 +14,7 @@ pub struct RawPhoto {
     pub mosaic: Mosaic,
 }
 
-/// Light of a scene behind the lens: photo-sized, linear, 0..255.
+/// Light of a scene behind the lens, of the scene's size: linear, 0..255.
 pub(super) struct SceneLight<'a> {
     sensor: &'a SimulatedSensor,
     part: Rect,
@@ -24,7 +24,7 @@ pub(super) struct SceneLight<'a> {
 
 impl<'a> SceneLight<'a> {
     /// Light of `scene` behind the lens `optics`, with blur, lateral colour and dark corners.
-    /// `scene` is as recorded by a perfect lens with the green channel's geometry.
+    /// `scene` is what a perfect lens with the green channel's geometry would record.
     pub(super) fn new(
         optics: &Optics,
         sensor: &'a SimulatedSensor,
@@ -32,7 +32,7 @@ impl<'a> SceneLight<'a> {
         surround: Surround,
         seed: u64,
     ) -> SceneLight<'a> {
-        // The scene fills the sensor or the photo.
+        // A scene has the size of the sensor or of the photo.
         let whole = Rect { x: 0, y: 0, size: optics.sensor };
         let part = if scene.size() == whole.size { whole } else { optics.photo };
         let Rect { x, y, size } = part;
@@ -56,14 +56,14 @@ impl<'a> SceneLight<'a> {
         |channel, y, levels| levels.copy_from_slice(self.light[channel.index()].row(y))
     }
 
-    /// Raw sites; `None` for a sensor without colour filters.
+    /// Raw sites of the photograph; `None` for a sensor without colour filters.
     pub(super) fn raw(&self) -> Option<RawPhoto> {
         let mosaic = self.sensor.config.mosaic?;
         let sites = self.sensor.sites(mosaic, self.reading(), self.fill());
         Some(RawPhoto { sites, mosaic: mosaic.from_place(self.part.x, self.part.y) })
     }
 
-    /// Codes of a camera's file; a mosaic is developed by bilinear interpolation.
+    /// Codes that the camera writes to its file; a mosaic is developed by bilinear interpolation.
     pub(super) fn developed(&self, curve: Curve) -> Frame<Work, u8> {
         let sensor = self.sensor;
         match self.raw() {
@@ -81,7 +81,7 @@ impl<'a> SceneLight<'a> {
     }
 }
 
-/// The scene on the lens's grid, mirrored at its frame or with a dark surround.
+/// The scene on the lens's grid, continued by its mirror image or by a dark surround.
 pub(super) fn surrounded(scene: &Plane, grid: Size, place: Rect, surround: Surround) -> Plane {
     let mirrored = |at: usize, start: usize, length: usize| {
         let period = 2 * length as isize;

@@ -1,7 +1,7 @@
 //! Point spread functions over the field, from a fan of traced field heights.
 //!
-//! The lens is rotationally symmetric, so that object points along one radius are traced and their
-//! spots rotated. A function is a histogram of rays over sensor pixels for a point in a pixel's
+//! The lens is rotationally symmetric, so object points are traced along one radius and their spots
+//! are rotated. A function is a histogram of rays over sensor pixels for a point in a pixel's
 //! centre.
 
 use std::f64::consts::{PI, TAU};
@@ -15,21 +15,21 @@ use crate::frame::Channel;
 
 /// Rays per function over all wavelengths: about 30 per pixel in a spot 30 pixels wide.
 const RAYS: usize = 20_000;
-/// Traced field heights; spots in between are interpolated.
+/// Number of traced field heights; spots in between are interpolated.
 const HEIGHTS: usize = 33;
 
-/// Spot of an object height in one channel.
+/// Spot of a point at one object height, in one channel.
 #[derive(Debug, Clone)]
 struct Spot {
-    /// Arrivals of rays across and outwards from the centroid, in mm, and their light.
+    /// Places of the rays relative to the centroid, across and outwards, in mm, and their light.
     rays: Vec<[f32; 3]>,
-    /// Centroid, absolute, in mm from the axis.
+    /// Distance of the centroid from the axis, in mm.
     centroid_mm: f64,
     /// Total light, relative to an unclipped spot on the axis.
     total: f64,
 }
 
-/// Sensor height over object height: the green channel's geometry in a scene's light.
+/// Sensor height as a function of object height: the green channel's geometry in a scene's light.
 #[derive(Debug, Clone)]
 pub(super) struct Radial {
     object_step_mm: f64,
@@ -37,7 +37,7 @@ pub(super) struct Radial {
 }
 
 impl Radial {
-    /// Traces the green centroid; a straight line for centred functions.
+    /// Traces the heights of the green centroid; they are proportional for centred functions.
     pub(super) fn new(
         lens: &Focused,
         prescription: &Prescription,
@@ -109,8 +109,8 @@ impl Fan {
         }
     }
 
-    /// Traced height below sensor distance `radius_px` from the axis, and position between it and
-    /// the next.
+    /// Index of the traced height below `radius_px` on the sensor, and position between that height
+    /// and the next, 0..1.
     fn around(&self, radius_px: f64) -> (usize, f64) {
         let place = self.radial.object_mm(radius_px * self.pitch_mm) / self.radial.object_step_mm;
         let n = (place as usize).min(HEIGHTS - 2);
@@ -149,8 +149,8 @@ impl Fan {
         (total(n) + t * (total(n + 1) - total(n))) * stretch * slope * magnification * magnification
     }
 
-    /// Rays of `channel` from a point seen at (`x_px`, `y_px`) from the axis: arrival in pixels to
-    /// the right and down of the green geometry, and light.
+    /// Rays of `channel` from a point seen at (`x_px`, `y_px`) from the axis: where each arrives,
+    /// in pixels to the right and down of that point in the green geometry, and its light.
     fn rays(
         &self,
         channel: Channel,
@@ -177,7 +177,7 @@ impl Fan {
         })
     }
 
-    /// Optical transfer function at `at` from the axis, for `frequency` lines per pixel.
+    /// Optical transfer function at `at`, pixels from the axis, for `frequency` lines per pixel.
     pub(super) fn transfer(
         &self,
         channel: Channel,
@@ -193,8 +193,8 @@ impl Fan {
         sum / all
     }
 
-    /// Function of `channel` for a point seen at `at` from the axis, in pixels: `support_px`²
-    /// values with sum 1, and the share of light outside. It is placed on the green geometry.
+    /// Function of `channel` for a point seen at `at`, pixels from the axis: `support_px`² values
+    /// with sum 1, placed on the green geometry, and the share of light outside.
     pub(super) fn function(
         &self,
         channel: Channel,

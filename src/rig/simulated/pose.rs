@@ -23,7 +23,7 @@ pub(super) struct PanelMap {
 }
 
 impl PanelMap {
-    /// The map of `pose`, given the lens's radial table and the sensor pitch in mm. `distance_px`
+    /// The map for `pose`, given the lens's radial table and the sensor pitch in mm. `distance_px`
     /// is the object distance in units of a sensor pixel's footprint.
     pub(super) fn new(
         pose: &Pose,

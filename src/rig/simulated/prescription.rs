@@ -4,8 +4,8 @@ use super::trace::{Ray, TracedLens};
 use crate::config::{Prescription, Wavelength};
 use crate::rig::RigError;
 
-/// Cells across the pupil for focusing. With this number and [`SPOT_CELLS`] spot sizes agree with
-/// the study to all digits; more cells change them by less than 0.2 %.
+/// Cells across the pupil for focusing. With this number and [`SPOT_CELLS`], spot sizes agree with
+/// the study in all digits; more cells change them by less than 0.2 %.
 const FOCUS_CELLS: usize = 120;
 /// Cells across the pupil for measuring a spot.
 const SPOT_CELLS: usize = 200;
@@ -14,7 +14,7 @@ const SPOT_CELLS: usize = 200;
 #[derive(Debug, Clone)]
 pub(super) struct Focused {
     pub(super) lens: TracedLens,
-    /// Image plane.
+    /// Place of the image plane on the axis, mm.
     pub(super) image_z: f64,
 }
 
@@ -116,7 +116,7 @@ impl Focused {
     }
 }
 
-/// Centres of cells of a `cells` × `cells` grid within the unit disc.
+/// Centres of the cells of a `cells` × `cells` grid that lie within the unit disc.
 fn square_pupil(cells: usize) -> Vec<[f64; 2]> {
     let place = |i: usize| (i as f64 + 0.5) / cells as f64 * 2.0 - 1.0;
     let all = (0..cells * cells).map(|n| [place(n % cells), place(n / cells)]);

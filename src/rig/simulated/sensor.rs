@@ -13,7 +13,7 @@ use crate::config::{CameraTable, SensorCurve, SensorTable};
 use crate::frame::{Channel, Counts, FULL_SCALE, Frame, Mosaic, Plane, Rect, Size};
 use crate::rig::pixel_format::PixelFormat;
 
-/// A sensor of a rig file.
+/// The simulated sensor of a rig file.
 #[derive(Debug, Clone)]
 pub(super) struct SimulatedSensor {
     pub(super) config: SensorTable,
@@ -23,7 +23,7 @@ pub(super) struct SimulatedSensor {
     pattern: Option<Arc<[FixedPattern; 3]>>,
 }
 
-/// Fixed differences of one channel's pixels.
+/// Fixed differences between the pixels of one channel.
 #[derive(Debug, Clone)]
 struct FixedPattern {
     gain: Plane,
@@ -51,7 +51,7 @@ pub(super) enum Stream {
     Unrest = 6,
 }
 
-/// Generator of a stream; its values do not depend on the number of threads.
+/// Random generator of a stream; its values do not depend on the number of threads.
 pub(super) fn random(seed: u64, stream: Stream, number: u64, part: u64) -> Xoshiro256PlusPlus {
     // Mixer of SplitMix64 (Steele, Lea and Flood 2014), applied to each number in turn.
     let mut state = seed;
@@ -136,7 +136,7 @@ impl SimulatedSensor {
         self.read_out(light[0].size(), seed, number, fill)
     }
 
-    /// Counts of one exposure of a scene; `light` is that behind each filter.
+    /// Counts of one exposure of a scene; `light` is the light behind each filter.
     pub(super) fn photograph(&self, light: &[Plane; 3], seed: u64, number: u64) -> Counts {
         let fill = |channel: Channel, y: usize, levels: &mut [f32]| {
             levels.copy_from_slice(light[channel.index()].row(y));
@@ -200,7 +200,7 @@ impl SimulatedSensor {
         self.codes(reading, 0, fill, |level| self.count(level))
     }
 
-    /// Rows written by `fill`, with noise of the random streams of `plane`, converted by `code`.
+    /// Takes rows from `fill`, adds noise from the streams of `plane`, and converts by `code`.
     fn codes<T: Copy + Default + Send>(
         &self,
         Readout { part: Rect { size, .. }, seed, stream, number }: Readout,
@@ -221,7 +221,7 @@ impl SimulatedSensor {
         codes
     }
 
-    /// Raw sites as a frame of a device, unpacked like one.
+    /// Raw sites as counts of a device's frame: packed, then unpacked like a real camera's.
     pub(super) fn as_device_frame(&self, sites: &Plane<u16>, mosaic: Mosaic) -> Counts {
         let format = PixelFormat::raw(mosaic, self.bits);
         let wide = if self.bits > 8 { 2 } else { 1 };
@@ -281,13 +281,13 @@ impl SimulatedSensor {
         ((share - above * (1.0 - knee_slope)) * full) as f32
     }
 
-    /// Level of `count` after the camera's developing, with white at 255.
+    /// Level of `count` in a photo developed by the camera, with white at 255.
     pub(super) fn level_of(&self, count: u16) -> f32 {
         let black = self.config.black_level_counts as f32;
         self.white_at_white((f32::from(count) - black) / self.counts_per_level())
     }
 
-    /// Level after the camera's developing, without quantisation.
+    /// Level in a photo developed by the camera, without quantisation.
     pub(super) fn developed(&self, level: f32) -> f32 {
         self.white_at_white(self.bent(level))
     }
@@ -300,8 +300,8 @@ impl SimulatedSensor {
     }
 }
 
-/// Differences of the pixels of a sensor of `size`. They depend on no seed, since a calibration
-/// measures them.
+/// Fixed pattern of a sensor of `size`; `None` if all pixels are equal. It depends on no seed,
+/// since a calibration measures it.
 fn fixed_pattern(config: &SensorTable, size: Size) -> Option<[FixedPattern; 3]> {
     let SensorTable { gain_deviation, hot_pixel_share, hot_pixel_levels, .. } = *config;
     let own = hot_pixel_share * hot_pixel_levels;
@@ -351,7 +351,7 @@ mod tests {
             let (mean, sigma) =
                 mean_and_sigma(&sensor.expose(&flat(128.0), &ones, 7, 0), Channel::Green);
             let gain = f64::from(sensor.counts_per_level());
-            // Rounding to counts adds 1/12 of a count's square.
+            // Rounding to counts adds a variance of 1/12 squared counts.
             let expected = (sensor.noise_levels(128.5).powi(2) + 1.0 / 12.0 / gain / gain).sqrt();
             assert!(
                 (sigma / gain / expected - 1.0).abs() < 0.03,
@@ -382,8 +382,8 @@ mod tests {
         let ones = flat(100.0).map(|p| p.map(|_| 1.0));
         let (mean, sigma) =
             mean_and_sigma(&sensor.expose(&flat(100.0), &ones, 7, 0), Channel::Green);
-        // The rig's white leaves room below the largest count: a little less than one count a
-        // level.
+        // The rig's white leaves room below the largest count, hence a little less than one count
+        // per level.
         let gain = f64::from(sensor.counts_per_level());
         let noise = (gain * gain + 1.0 / 12.0).sqrt();
         assert!(

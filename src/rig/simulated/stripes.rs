@@ -14,7 +14,7 @@ use super::pose::PanelMap;
 use crate::config::{PanelTable, Subpixels};
 use crate::frame::{Channel, Plane};
 
-/// Samples of the transfer function along each axis.
+/// Number of samples of the transfer function along each axis.
 const PLACES: usize = 9;
 
 /// Beat of the stripes with the sensor's pixels, as a share of the light: real and imaginary part
@@ -75,7 +75,7 @@ impl Beat {
     }
 }
 
-/// Sample before pixel `n`, and position between it and the next.
+/// Index of the sample before pixel `n`, and position between it and the next, 0..1.
 fn split(n: usize, step: f64) -> [f64; 2] {
     let place = n as f64 / step;
     let first = place.floor().min(PLACES as f64 - 2.0);

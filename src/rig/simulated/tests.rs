@@ -84,7 +84,7 @@ fn captures_of_a_flat_panel_agree_with_the_witness() {
         }
         let expected = witness.black_level_counts() + level * witness.counts_per_level();
         let found = f64::from(seen.plane(channel).at(x, y));
-        // Half a count of rounding, and what glare throws beyond the panel.
+        // Half a count of rounding, and the light that glare scatters beyond the panel.
         assert!(
             (found - expected).abs() < 0.6 + 2e-3 * expected,
             "{}: {found} {expected}",
@@ -103,7 +103,7 @@ fn a_blob_is_seen_at_its_mapped_place_in_every_channel() {
         ("leakage-share = 0.001", "leakage-share = 0.0"),
     ]);
     for at in [[240usize, 135], [90, 60], [370, 200]] {
-        // A round, soft blob: a single pixel's centroid would hang on how footprints cut it.
+        // A round, soft blob: a single pixel's centroid would depend on how footprints cut it.
         let blob = Plane::from_fn(config.panel.size(), |x, y| {
             let square = (x as f64 - at[0] as f64).powi(2) + (y as f64 - at[1] as f64).powi(2);
             (255.0 * (-square / 50.0).exp()) as u8
@@ -122,8 +122,8 @@ fn a_blob_is_seen_at_its_mapped_place_in_every_channel() {
             let found = [x / sum, y / sum];
             let expected = witness.panel_to_sensor(channel, at.map(|v| v as f64));
             let off = (found[0] - expected[0]).hypot(found[1] - expected[1]);
-            // Spots with edges sharper than a pixel lose up to 0.02 px of their centroid in the
-            // binning.
+            // Spots with edges sharper than a pixel have their centroid displaced by up to 0.02 px
+            // by the binning.
             assert!(off < 0.03, "{} {at:?}: {found:?} {expected:?}", channel.name());
             let back = witness.sensor_to_panel(channel, expected);
             assert!((back[0] - at[0] as f64).hypot(back[1] - at[1] as f64) < 1e-3, "{back:?}");
@@ -134,7 +134,7 @@ fn a_blob_is_seen_at_its_mapped_place_in_every_channel() {
 #[test]
 fn the_whole_sensor_sees_panel() {
     for name in config::built_in_names() {
-        // Those of devices are not taken everywhere.
+        // Rig files of real devices need the `hardware` feature.
         let Ok(config) = load(Path::new(name)) else { continue };
         let Some(simulation) = config.simulation() else { continue };
         let optics = Optics::new(simulation, config.camera.size(), config.photo_on_sensor())
@@ -193,7 +193,7 @@ fn functions_sum_to_one_and_are_as_wide_as_the_spots() {
             square += value * (i * i + j * j);
         }
         assert!((sum - 1.0).abs() < 1e-5 && x.hypot(y) < 0.02, "{sum} {x} {y}");
-        // Binning to pixels adds their own 1/6 px².
+        // Binning to pixels adds 1/6 px² to the second moment.
         let rms = (square - 1.0 / 6.0).sqrt();
         assert!((rms / expected - 1.0).abs() < 0.03, "{at:?}: {rms} {expected}");
     }
@@ -237,8 +237,8 @@ fn a_panel_not_settled_still_shows_the_last_picture() {
     let early = mean(&seen, Channel::Green, middle.clone()) - witness.black_level_counts();
     let settled = rig.capture(&grey(&config, 255)).expect("no faults").counts;
     let full = mean(&settled, Channel::Green, middle) - witness.black_level_counts();
-    // Two refreshes of 60 Hz pass before the change; of 50 ms the panel is on its way for 16.7 ms,
-    // at 5 ms.
+    // Two refreshes at 60 Hz pass before the change. For the last 16.7 ms of the 50 ms exposure the
+    // panel approaches the picture, with a time constant of 5 ms.
     let passed_ms = 50.0 - 2000.0 / 60.0;
     let expected = (passed_ms - 5.0 * (1.0 - (-passed_ms / 5.0f64).exp())) / 50.0;
     assert!((early / full - expected).abs() < 0.005, "{} {expected}", early / full);

@@ -29,7 +29,7 @@ impl Ray {
 #[derive(Debug, Clone)]
 pub(super) struct RefractingSurface {
     pub(super) vertex_z: f64,
-    /// 0 for a flat surface.
+    /// Curvature in 1/mm, 0 for a flat surface.
     curvature: f64,
     clear_radius: f64,
     glass: Glass,

@@ -18,7 +18,7 @@ pub(super) fn quiet_simulated_with(
     small_simulated_with(&[&QUIET[..], changes].concat(), change)
 }
 
-/// A line of `[sensor]` in every rig file, with more lines.
+/// A line of `[sensor]` that occurs in every rig file, followed by `lines`.
 fn sensor_with(lines: &str) -> String {
     format!("readout-ms = 30.0\n{lines}")
 }
@@ -98,7 +98,7 @@ fn a_raw_photo_has_the_sensor_s_noise_on_its_sites_and_a_developed_one_less() {
         assert!((mean - 100.0).abs() < 0.5, "{} {mean}", channel.name());
         assert!((sigma / expected - 1.0).abs() < 0.06, "{} {sigma}", channel.name());
     }
-    // Interpolating four sites halves their noise; half of all sites are a channel's own in green.
+    // Interpolating four sites halves their noise; in green, half of all sites need none.
     let (config, _, witness) = small_with(&[
         ("readout-ms = 30.0", &sensor_with("mosaic = \"rggb\"")),
         ("curve = \"srgb\"", "curve = \"linear\""),
@@ -189,7 +189,7 @@ fn the_fixed_pattern_is_the_same_in_photo_and_captures() {
             }
         }
     }
-    // The photo's 8 bits add 0.29 of a level to a pattern of two levels.
+    // Rounding the photo to 8 bits adds noise of 0.29 levels to a pattern of two levels.
     let correlation = both / (one * other).sqrt();
     assert!(correlation > 0.97, "{correlation}");
 }
@@ -214,7 +214,7 @@ fn an_uneven_panel_loses_light_and_blue_towards_its_corners() {
         config::Uneven { corner_loss: 0.15, corner_tint: 0.02, ..config::Uneven::default() };
     let (config, mut even, witness) = quiet_with(&[PURE, NO_GLARE]);
     let (_, mut rig, _) = quiet_simulated_with(&[PURE, NO_GLARE], |s| s.display.uneven = uneven);
-    // A flat field, and a picture that is none.
+    // A flat field, and a picture that is almost one, so that it takes the general path.
     let mut pictures = [grey(&config, 255), grey(&config, 255)];
     pictures[1].planes_mut().iter_mut().for_each(|plane| plane.set(0, 0, 254));
     for codes in &pictures {
@@ -257,7 +257,7 @@ fn light_and_black_of_a_panel_depend_on_the_angle_of_view() {
         let leaked = (around(&dark, at)[1] - around(&dark_even, at)[1]) / white;
         let lost = 1.0 - (around(&bright, at)[1] - leaked * white) / white;
         let [across, down] = aslant(at);
-        // Which way it is turned the frames say: one side is seen less aslant than the other.
+        // The frames show which way it is turned: one side is seen less aslant than the other.
         let angle = |leaked: f64| (leaked / 0.02).sqrt() * 10.0;
         let straight = across.hypot(down);
         assert!((angle(leaked) - straight).abs() < 1.15, "{at:?}: {} {straight}", angle(leaked));
@@ -269,7 +269,7 @@ fn light_and_black_of_a_panel_depend_on_the_angle_of_view() {
     assert!((ratio - turned).abs() < 0.25 || (1.0 / ratio - turned).abs() < 0.25, "{ratio}");
 }
 
-/// Centroids and second moments about them of the three channels' light, dark corner undone.
+/// Centroids, and second moments about them, of the three channels' light without dark corners.
 pub(super) fn moments(light: &[Plane; 3], witness: &Witness) -> [([f64; 2], f64); 3] {
     Channel::ALL.map(|channel| {
         let (plane, falloff) = (&light[channel.index()], witness.dark_corner(channel));
@@ -301,7 +301,7 @@ pub(super) fn spot(size: Size, at: [f64; 2]) -> Codes {
     })
 }
 
-/// An LCD's stripes for whole pixels.
+/// Replaces whole pixels by the stripes of an LCD.
 const STRIPES: (&str, &str) = ("subpixels = \"whole\"", "subpixels = \"rgb\"");
 
 pub(super) const NO_LEAKAGE: (&str, &str) = ("leakage-share = 0.001", "leakage-share = 0.0");
@@ -329,7 +329,7 @@ fn stripes_beat_with_the_sensor_s_pixels_as_far_as_the_lens_passes_them() {
         let (_, _, striped) = quiet_with(&[lens[0], lens[1], STRIPES]);
         let white = grey(&config, 255);
         let [plain, striped] = [&plain, &striped].map(|w| w.light_on_sensor(&white));
-        // 1/0.86 panel pixels a sensor pixel: 6.14 pixels a beat.
+        // A sensor pixel covers 1/0.86 panel pixels, so a beat is 6.14 sensor pixels long.
         let (mut cosine, mut sine, mut count) = (0.0, 0.0, 0.0);
         let mut sum = 0.0;
         for y in 100..124 {
@@ -343,7 +343,7 @@ fn stripes_beat_with_the_sensor_s_pixels_as_far_as_the_lens_passes_them() {
         let beat = 2.0 * f64::hypot(cosine, sine) / count;
         let mean = sum / count;
         println!("{stop}: a beat of {beat:.4} of the light about {mean:.5}");
-        // Ten beats and a little: what is over leaves a mean of a few hundredths of their height.
+        // The field holds ten beats and a fraction, whose mean is a few hundredths of their height.
         assert!((least..most).contains(&beat) && mean.abs() < 0.05 * beat, "{stop}: {beat} {mean}");
     }
 }

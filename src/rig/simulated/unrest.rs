@@ -8,7 +8,7 @@ use crate::config::Unrest;
 /// Share of its wander by which the panel returns per capture. Guess: thermal motion is periodic.
 const PULL: f64 = 0.05;
 
-/// Two normal numbers of exposure `number` in stream part `part`.
+/// Two standard normal numbers for exposure `number`, from part `part` of the stream.
 fn normals(seed: u64, number: u64, part: u64) -> [f64; 2] {
     let mut random = random(seed, Stream::Unrest, number, part);
     std::array::from_fn(|_| StandardNormal.sample(&mut random))
@@ -23,7 +23,7 @@ pub(super) fn wander(unrest: &Unrest, before_px: [f64; 2], seed: u64, number: u6
     [0, 1].map(|n| before_px[n] * (1.0 - PULL) + unrest.wander_px * step[n])
 }
 
-/// Displacement of the panel in exposure `number`, at `now_s` of the rig's clock.
+/// Displacement of the panel in exposure `number`, at time `now_s` of the rig's clock.
 pub(super) fn moved(
     unrest: &Unrest,
     wandered_px: [f64; 2],

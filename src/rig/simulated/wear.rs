@@ -5,18 +5,18 @@ use rand::RngExt;
 use super::sensor::{Stream, random};
 use crate::frame::{Plane, Size};
 
-/// Changes since a calibration; none by default.
+/// Changes of a rig since its calibration; none by default.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Wear {
-    /// Factor of the panel's exponents: another picture mode, or age.
+    /// Factor on the panel's exponents, for another picture mode or age.
     pub gamma_factor: f64,
     /// Share of dead panel pixels.
     pub dead_share: f64,
-    /// Grains of dust on the panel.
+    /// Number of grains of dust on the panel.
     pub dust_grains: usize,
-    /// Share of the light missing on a cold panel.
+    /// Share of the light that is missing on a cold panel.
     pub warm_up_share: f64,
-    /// Time constant of the warm-up.
+    /// Time constant of the warm-up, seconds.
     pub warm_up_s: f64,
     /// Amplitude of bands as a share of the light: a flickering backlight exposed for fractions of
     /// its period.

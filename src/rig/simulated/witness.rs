@@ -1,5 +1,5 @@
-//! Ground truth of a simulated rig, for scoring and tests only: methods and calibration know a rig
-//! from captures.
+//! Ground truth of a simulated rig, for scoring and tests only: methods and calibration learn about
+//! a rig from captures alone.
 
 use std::sync::Arc;
 
@@ -27,9 +27,9 @@ pub struct Witness {
 }
 
 impl Witness {
-    /// Photograph of `scene`, photo-sized linear light 0..255 as recorded by a perfect lens with
+    /// Photographs `scene`: photo-sized linear light, 0..255, as recorded by a perfect lens with
     /// the green channel's geometry. Returns the codes of a camera's file: 8 bits in the photo's
-    /// curve, with dark corners, glare, lateral colour, and noise of `seed`.
+    /// curve, with dark corners, glare, lateral colour, and noise from `seed`.
     ///
     /// # Panics
     /// When `scene` is not photo-sized.
@@ -49,7 +49,7 @@ impl Witness {
         })
     }
 
-    /// Raw sites of [`Witness::photograph`]; `None` for a sensor without colour filters.
+    /// Raw sites of the photo of [`Witness::photograph`]; `None` without colour filters.
     ///
     /// # Panics
     /// When `scene` is not photo-sized.
@@ -75,7 +75,7 @@ impl Witness {
 
     /// K·L: `scene` (canvas-sized, linear light, black outside) through the lens, in the light of
     /// the panel's primaries or of a scene, without noise, dark corners, panel pixels or mixing.
-    /// Reference of the operator error.
+    /// Reference for the operator error.
     ///
     /// # Panics
     /// When `scene` is not canvas-sized.
@@ -119,8 +119,8 @@ impl Witness {
         self.optics.dark_corner(Light::Panel)[channel.index()].clone()
     }
 
-    /// Light of a panel showing `codes` on the sensor, per primary in grey levels, without mixing,
-    /// ambient light, black level and noise.
+    /// Light on the sensor while the panel shows `codes`, per primary in grey levels, without
+    /// mixing, ambient light, black level and noise.
     pub fn light_on_sensor(&self, codes: &crate::frame::Codes) -> [Plane; 3] {
         self.shared.bench().light_of(codes)
     }
@@ -145,7 +145,7 @@ impl Witness {
         f64::from(self.shared.bench().sensor.counts_per_level())
     }
 
-    /// Counts of white, where the camera's developing puts white.
+    /// Counts that the camera's development renders as white.
     pub fn white_count(&self) -> f64 {
         let sensor = &self.shared.bench().sensor;
         let bent = f64::from(sensor.bent(FULL_SCALE) * sensor.counts_per_level());
@@ -157,7 +157,7 @@ impl Witness {
         self.shared.bench().sensor.noise_levels(level)
     }
 
-    /// Noise of one exposure's sites, with rounding to counts.
+    /// Noise of the sites in one exposure, including rounding to counts.
     pub fn site_noise(&self) -> SiteNoise {
         let gain = self.counts_per_level();
         let power = |level| (gain * self.noise_levels(level)).powi(2);
@@ -191,7 +191,7 @@ impl Witness {
         self.shared.bench().unplug();
     }
 
-    /// Sets the changes from capture to capture.
+    /// Sets how panel and light change from capture to capture.
     pub fn set_unrest(&self, unrest: Unrest) {
         self.shared.bench().unrest = unrest;
     }

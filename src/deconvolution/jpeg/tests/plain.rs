@@ -1,5 +1,5 @@
-//! The term as it is written, a page to read beside the module's: sums over pixels in f64, no rows,
-//! no units.
+//! Plain form of the term, written as in the module's documentation: sums over pixels in f64,
+//! without rows or units.
 
 use std::f64::consts::PI;
 
@@ -10,18 +10,18 @@ const M: [[f64; 3]; 3] =
     [[0.299, 0.587, 0.114], [-0.168_736, -0.331_264, 0.5], [0.5, -0.418_688, -0.081_312]];
 const BACK: [[f64; 3]; 3] = [[1.0, 0.0, 1.402], [1.0, -0.344_136, -0.714_136], [1.0, 1.772, 0.0]];
 
-/// D[u][x].
+/// The cosine `D[u][x]`.
 fn cosine(u: usize, x: usize) -> f64 {
     let length = if u == 0 { 0.5f64.sqrt() } else { 1.0 };
     0.5 * length * ((2 * x + 1) as f64 * u as f64 * PI / 16.0).cos()
 }
 
-/// Σ over a block of `weight` of both cosines and `of` a sample.
+/// Sum over a block of `weight` times `of`.
 fn over_block(of: impl Fn(usize, usize) -> f64, weight: impl Fn(usize, usize) -> f64) -> f64 {
     (0..64).map(|k| weight(k % 8, k / 8) * of(k % 8, k / 8)).sum()
 }
 
-/// A picture's component n at sample (x, y): M of its pixels' means, edges repeated.
+/// Component `n` of a picture at sample `at`: M applied to the mean of its `p.0` × `p.1` pixels.
 fn sample(
     of: &dyn Fn(usize, usize, usize) -> f64,
     n: usize,
@@ -37,8 +37,8 @@ fn sample(
     sum
 }
 
-/// B̃ of `seen`, as [`super::super::JpegTerm::redecoded`], of a colour photo; `about` has the light
-/// about each pixel.
+/// B̃ of a colour photo for `seen`, like [`super::super::JpegTerm::redecoded`]; `about` is the mean
+/// light around each pixel.
 pub(super) fn redecoded(stated: &Stated<'_>, about: &[Plane], seen: &Frame<Work>) -> Frame<Work> {
     let (rect, coding) = (stated.rect, stated.coding);
     let curves = Channel::ALL.map(|c| {

@@ -1,4 +1,4 @@
-//! Time stamps of a camera on the board's clock.
+//! Time stamps of a camera, converted to the board's clock.
 
 use aravis::prelude::*;
 use aravis::{Buffer, Device};
@@ -14,14 +14,14 @@ const LATCHES: [(&str, &str, Option<&str>); 2] = [
     ("GevTimestampControlLatch", "GevTimestampValue", Some("GevTimestampTickFrequency")),
 ];
 
-/// Longest latch of use. A guess; USB takes less than a millisecond, a network a few.
+/// Maximum duration of a usable latch command. Guess: USB takes less than 1 ms, a network a few.
 const LATCH_MAX_S: f64 = 0.02;
 
-/// Oldest frame whose stamp is read, in seconds; another stamp is of another clock.
+/// Maximum age of a time stamp, in seconds; an older one is of another clock.
 const AGE_MAX_S: f64 = 3600.0;
 
-/// The time stamp of `buffer` in seconds on the monotonic clock, late by at most the latch; `None`
-/// if the camera has no latch, or a wrong one.
+/// Time stamp of `buffer` in seconds on the monotonic clock, late by at most the duration of the
+/// latch command; `None` if the camera has no latch or an unusable one.
 ///
 /// The clocks are compared for each frame, since they drift apart by a millisecond in ten seconds
 /// (100 ppm).
@@ -40,7 +40,7 @@ pub(super) fn stamped_s(device: &Device, buffer: &Buffer) -> Option<f64> {
 
 /// Arrival of the first packet of `buffer` in seconds on the monotonic clock.
 pub(super) fn arrived_s(buffer: &Buffer) -> f64 {
-    // The library takes it from the calendar clock.
+    // The library stamps arrivals by the calendar clock.
     let now = clock_gettime(ClockId::Realtime);
     let age_s = now.tv_sec as f64 - (buffer.system_timestamp() / 1_000_000_000) as f64
         + (now.tv_nsec as f64 - (buffer.system_timestamp() % 1_000_000_000) as f64) / 1e9;

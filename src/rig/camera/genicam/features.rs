@@ -1,6 +1,6 @@
 //! Features of a camera, by the names of the GenICam Standard Features Naming Convention (SFNC 2.7)
-//! and of makers: automatic adjustments off, everything set read back. Every feature is optional,
-//! unless the rig file names it.
+//! and of makers. Automatic adjustments are switched off, and every value set is read back.
+//! Features are optional, unless the rig file names them.
 
 use aravis::glib::prelude::*;
 use aravis::prelude::*;
@@ -11,9 +11,9 @@ use crate::config::FeatureValue;
 use crate::rig::RigError;
 use crate::rig::camera::memory::refused;
 
-/// Adjustments switched off: the word `Off` of an enumeration, false, or the least number. By SFNC,
-/// then by FLIR, Basler, Daheng, Hikrobot, Allied Vision and The Imaging Source (feature lists of
-/// their manuals; names without a camera at hand are guesses).
+/// Adjustments to switch off: an enumeration to `Off`, a boolean to false, a number to its minimum.
+/// The names are those of SFNC, then of FLIR, Basler, Daheng, Hikrobot, Allied Vision and The
+/// Imaging Source (feature lists of their manuals; names without a camera at hand are guesses).
 const OFF: &str = "\
     ExposureAuto GainAuto BlackLevelAuto BalanceWhiteAuto LUTEnable ColorTransformationEnable \
     ReverseX ReverseY TestPattern ChunkModeActive AcquisitionFrameRateEnable \
@@ -23,7 +23,7 @@ const OFF: &str = "\
     DefectCorrectionEnable DeadPixelCorrect CorrectionMode ExposureAutoHighlightReduction \
     TestImageSelector LightSourcePreset HDREnable DigitalShift";
 
-/// Values that leave the picture unchanged, set where a camera lets them be set.
+/// Values that leave the picture unchanged, set if the camera allows it.
 const NEUTRAL: [(&str, f64); 5] = [
     ("Gamma", 1.0),
     ("BinningHorizontal", 1.0),
@@ -32,10 +32,10 @@ const NEUTRAL: [(&str, f64); 5] = [
     ("DecimationVertical", 1.0),
 ];
 
-/// Largest relative error of a number read back: exposures and gains have steps. As for the pulse.
+/// Maximum relative error of a number read back, as for a pulse: exposures and gains have steps.
 const STEP: f64 = 0.003;
 
-/// Switches all adjustments off.
+/// Switches the adjustments in [`OFF`] off and sets the [`NEUTRAL`] values.
 pub(super) fn settle(device: &Device) -> Result<(), RigError> {
     for name in OFF.split_whitespace().filter(|name| is_there(device, name)) {
         switch_off(device, name)?;
@@ -48,7 +48,7 @@ pub(super) fn settle(device: &Device) -> Result<(), RigError> {
     Ok(())
 }
 
-/// Switches the triggers of all events off.
+/// Switches off the triggers of all events.
 pub(super) fn switch_triggers_off(device: &Device) -> Result<(), RigError> {
     let selector = "TriggerSelector";
     let events = device.dup_available_enumeration_feature_values_as_strings(selector);
@@ -59,7 +59,7 @@ pub(super) fn switch_triggers_off(device: &Device) -> Result<(), RigError> {
     hold_any(device, &["TriggerMode"], "Off").map(|_| ())
 }
 
-/// Sets the first of `names` that the camera has. Returns whether it has one.
+/// Sets the first of `names` that the camera has. Returns false if it has none.
 pub(super) fn hold_any(
     device: &Device,
     names: &[&str],
@@ -93,7 +93,7 @@ fn switch_off(device: &Device, name: &str) -> Result<(), RigError> {
         let bounds = device.integer_feature_bounds(name);
         FeatureValue::Number(bounds.map_or(0.0, |(least, _)| least as f64))
     };
-    // What cannot be written may be off for good.
+    // A feature that cannot be written may be permanently off.
     if !is_writable(device, name) && read(device, name).is_ok_and(|found| is_held(&found, &value)) {
         return Ok(());
     }
@@ -150,7 +150,7 @@ pub(super) fn read(device: &Device, name: &str) -> Result<FeatureValue, aravis::
     }
 }
 
-/// A feature that is a number.
+/// Value of the feature `name`; `None` if it is not a number.
 pub(super) fn number(device: &Device, name: &str) -> Option<f64> {
     match read(device, name) {
         Ok(FeatureValue::Number(value)) => Some(value),
@@ -175,7 +175,7 @@ fn written(value: &FeatureValue) -> String {
     }
 }
 
-/// Values of the feature `name` in words.
+/// Allowed values of the feature `name`, for messages.
 fn allowed(device: &Device, name: &str) -> String {
     if let Ok(words) = device.dup_available_enumeration_feature_values_as_strings(name) {
         return words.iter().map(|word| word.as_str()).collect::<Vec<_>>().join(", ");

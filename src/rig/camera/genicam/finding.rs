@@ -15,7 +15,7 @@ use crate::rig::RigError;
 use crate::rig::camera::memory::{gone, refused};
 use crate::rig::device::listed;
 
-/// A camera that answers.
+/// A camera that answered the search.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Found {
     /// Name by which the library opens it.
@@ -55,11 +55,11 @@ pub(super) fn list() -> Vec<Found> {
     (0..count).map(describe).collect()
 }
 
-/// The only one of `all` that the rig file's names fit.
+/// Chooses the only camera of `all` that matches the names in the rig file.
 ///
 /// # Errors
-/// [`RigError::Gone`] for none, [`RigError::Refused`] for several, or one that this user may not
-/// open.
+/// [`RigError::Gone`] if none matches, [`RigError::Refused`] if several match, or if none does and
+/// this user may not open a USB3 Vision camera.
 pub(super) fn choose(all: Vec<Found>, wanted: &GenicamDevice) -> Result<Found, RigError> {
     let fits = |name: &Option<String>, found: &str| name.as_ref().is_none_or(|one| one == found);
     let (mut fitting, others): (Vec<Found>, Vec<Found>) = all.into_iter().partition(|one| {
@@ -84,7 +84,7 @@ pub(super) fn choose(all: Vec<Found>, wanted: &GenicamDevice) -> Result<Found, R
     }
 }
 
-/// Writes the cameras that answer to `text`, without serial numbers.
+/// Writes the answering cameras to `text`, without serial numbers.
 pub fn describe(text: &mut impl Write) -> std::fmt::Result {
     for Found { vendor, model, protocol, .. } in list() {
         writeln!(text, "genicam: {vendor:?} {model:?} by {protocol}")?;

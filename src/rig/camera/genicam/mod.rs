@@ -25,7 +25,7 @@ use crate::rig::pixel_format::PixelFormat;
 use crate::rig::stamps::{StampedBy, earliest_start};
 use crate::rig::{Camera, Clock, Exposed, Moment, RigError};
 
-/// Longest wait for a frame between looks at the camera's presence, in seconds.
+/// Maximum wait for a frame before checking that the camera is still there, in seconds.
 const LOOK_S: f64 = 0.1;
 
 /// Names and settings of a camera.
@@ -70,7 +70,7 @@ impl GenicamSettings {
 /// A streaming camera.
 pub struct GenicamCamera {
     settings: GenicamSettings,
-    /// `None` from a loss until a successful [`Camera::reopen`].
+    /// `None` after the camera is lost, until [`Camera::reopen`] succeeds.
     open: Option<Open>,
     /// Exposure as a multiple of the settings'.
     exposure_times: f64,
@@ -106,7 +106,7 @@ impl GenicamCamera {
         Ok(GenicamCamera { settings, open, exposure_times: 1.0, memory })
     }
 
-    /// Unpacks `buffer`; the fault of a frame that is no picture of the rig's format and size.
+    /// Unpacks `buffer`; the error says why it is not a picture of the rig's format and size.
     fn read(
         &mut self,
         buffer: &Buffer,
@@ -191,7 +191,7 @@ impl Camera for GenicamCamera {
                 return Err(gone("it no longer answers"));
             }
             if Monotonic.now() >= deadline {
-                // A camera without frames may be gone without a word.
+                // A camera that sends no frames may have been disconnected without notice.
                 open.camera.payload().map_err(|error| gone(error.message()))?;
                 self.open = Some(open);
                 return Err(RigError::NoFrame { waited_ms: (Monotonic.now().0 - began.0) * 1e3 });
@@ -232,7 +232,8 @@ impl Camera for GenicamCamera {
     }
 }
 
-/// Sets `times` the exposure, which a pulse does by itself; returns false if that is set elsewhere.
+/// Sets the exposure to `times` the settings'; an exposure by pulse follows the pulse and needs no
+/// setting. Returns false if the exposure is set outside this program.
 fn expose(device: &Device, settings: &GenicamSettings, times: f64) -> Result<bool, RigError> {
     if settings.device.exposure_by != ExposureBy::Control {
         return Ok(settings.device.exposure_by == ExposureBy::Pulse);
@@ -251,7 +252,7 @@ fn start(settings: &GenicamSettings) -> Result<Open, RigError> {
     let found = choose(list(), &settings.device)?;
     let camera = aravis::Camera::new(Some(&found.id)).map_err(|e| failed(&e, "open"))?;
     let device = camera.device().ok_or_else(|| gone("it has no description"))?;
-    // Another program may have ended without stopping it.
+    // Another program may have ended without stopping the acquisition.
     let _ = camera.stop_acquisition();
     configure(&device, settings)?;
     let frame_bytes = camera.payload().map_err(|e| failed(&e, "read its frame size"))? as usize;

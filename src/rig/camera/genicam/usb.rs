@@ -1,4 +1,4 @@
-//! What the kernel grants a USB3 Vision camera: its node and the memory of its frames.
+//! Checks of what the kernel grants a USB3 Vision camera: its node, and memory for its frames.
 
 use std::fs::read_to_string;
 use std::path::{Path, PathBuf};
@@ -18,7 +18,7 @@ pub(super) fn refuse_forbidden(root: &Path) -> Result<(), RigError> {
         if !is("bInterfaceClass", "ef") || !is("bInterfaceSubClass", "05") {
             continue;
         }
-        // An interface is called after its device: 2-1:1.0 of 2-1.
+        // An interface is named after its device: 2-1:1.0 belongs to 2-1.
         let name = interface.file_name().to_string_lossy().into_owned();
         let device = interface.path().with_file_name(name.split(':').next().unwrap_or_default());
         let number = |name| value(device.join(name)).ok().and_then(|n| n.parse::<u32>().ok());
@@ -35,8 +35,8 @@ pub(super) fn refuse_forbidden(root: &Path) -> Result<(), RigError> {
     Ok(())
 }
 
-/// Refuses a stream whose `buffers` of `frame_bytes` are more than the kernel grants all of USB, by
-/// `usbfs_memory_mb` under the file system `root`; 0 is no limit.
+/// Refuses a stream whose `buffers` of `frame_bytes` each exceed the memory that the kernel grants
+/// to all of USB: `usbfs_memory_mb` under the file system `root`, where 0 is no limit.
 pub(super) fn check_memory(
     root: &Path,
     buffers: usize,

@@ -12,7 +12,7 @@ use crate::rig::camera::memory::refused;
 use crate::rig::monotonic::Monotonic;
 use crate::rig::{Clock, Moment, RigError};
 
-/// Exposure time, and its control.
+/// Exposure time, and what sets it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Exposure {
     /// `exposure_time_absolute`, in steps of 100 µs (V4L2_CID_EXPOSURE_ABSOLUTE), the width of the
@@ -34,27 +34,27 @@ pub struct GainControl {
 }
 
 impl GainControl {
-    /// Names of such controls: V4L2_CID_GAIN and V4L2_CID_ANALOGUE_GAIN.
+    /// Names of gain controls: V4L2_CID_GAIN and V4L2_CID_ANALOGUE_GAIN.
     pub const NAMES: [&'static str; 2] = ["gain", "analogue_gain"];
 
-    /// Value nearest to `times` the rig file's gain.
+    /// Value of the control nearest to `times` the rig file's gain.
     fn value_for(&self, times: f64) -> i32 {
         self.value.saturating_add((20.0 * times.log10() / self.step_db).round() as i32)
     }
 
-    /// Multiple of the rig file's gain nearest to `times`.
+    /// Reachable multiple of the rig file's gain that is nearest to `times`.
     pub fn nearest(&self, times: f64) -> f64 {
         let steps = f64::from(self.value_for(times)) - f64::from(self.value);
         10f64.powf(steps * self.step_db / 20.0)
     }
 }
 
-/// Value of a control.
+/// Value at which a control is held.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Held {
     /// This value, or the minimum if that is larger.
     At(i32),
-    /// Minimum.
+    /// The control's minimum.
     Least,
     /// The driver's default, which leaves the picture unchanged where possible.
     Default,
@@ -63,10 +63,10 @@ enum Held {
 }
 use Held::{At, Default, Least, Straight};
 
-/// Adjustments of a picture, with the controls that disable them by their `v4l2-ctl` names: in
-/// today's spelling and that before Linux 6.0; `auto_shutter` and `highlight_reduction` of The
-/// Imaging Source (tiscamera, data/uvc-extensions/usb33.json). Automatic modes come before their
-/// values. Auto exposure 1 is "manual mode" (V4L2_EXPOSURE_MANUAL).
+/// Adjustments of a picture, each with the controls that disable it, by their `v4l2-ctl` names in
+/// today's spelling and that before Linux 6.0; `auto_shutter` and `highlight_reduction` are of The
+/// Imaging Source (tiscamera, data/uvc-extensions/usb33.json). Automatic modes come before the
+/// values that they govern. Auto exposure 1 is "manual mode" (V4L2_EXPOSURE_MANUAL).
 const STEADY: [(&str, &[(&str, Held)]); 8] = [
     (
         "exposure",
@@ -110,7 +110,7 @@ impl Held {
     }
 }
 
-/// Adjustments without a control among `has`; a `wanted` one of the adjustment's name suffices.
+/// Adjustments without a control among `has`; a `wanted` one with the adjustment's name suffices.
 fn uncontrolled(has: &[Control], wanted: &BTreeMap<String, i32>) -> Vec<&'static str> {
     let is_there = |name: &str| has.iter().any(|control| control.name == name && control.settable);
     let lacks = |names: &[(&str, Held)]| !names.iter().any(|(name, _)| is_there(name));
@@ -119,8 +119,8 @@ fn uncontrolled(has: &[Control], wanted: &BTreeMap<String, i32>) -> Vec<&'static
 }
 
 /// Controls held at 0 before formats are set, unless the rig file has another value: flips, which
-/// change the order of the colours, test pictures, and a light beside the lens. By their names in
-/// the kernel and in The Imaging Source's usb33.json.
+/// change the order of the colours, test pictures, and a light beside the lens. The names are those
+/// of the kernel and of The Imaging Source's usb33.json.
 const ORIENTATION: [&str; 6] = [
     "horizontal_flip",
     "vertical_flip",
@@ -130,10 +130,10 @@ const ORIENTATION: [&str; 6] = [
     "strobe_enable",
 ];
 
-/// Wait for controls that a maker's udev rule adds after the node has appeared. Guess.
+/// Maximum wait for controls that a maker's udev rule adds after the node has appeared. Guess.
 const CONTROLS_MAX_S: f64 = 10.0;
 
-/// Waits for the `wanted` controls; one that is still missing is an error of [`settle_controls`].
+/// Waits for the `wanted` controls; [`settle_controls`] reports one that is still missing.
 pub(super) fn await_controls(node: &Node, wanted: &BTreeMap<String, i32>) {
     let end_s = Monotonic.now().0 + CONTROLS_MAX_S;
     loop {
@@ -155,7 +155,7 @@ pub(super) fn settle_orientation(
     for name in ORIENTATION {
         let Ok(control) = named(&has, name) else { continue };
         let value = wanted.get(name).copied().unwrap_or(0);
-        // While it streams, a sensor refuses even an equal value.
+        // A streaming sensor refuses even an equal value.
         if node.control(control.id).ok() != Some(value) {
             hold(node, control, value)?;
         }
@@ -163,8 +163,8 @@ pub(super) fn settle_orientation(
     Ok(())
 }
 
-/// Sets [`STEADY`] controls, the exposure and the `wanted` controls, in this order, and reads each
-/// back. Returns the adjustments without a control.
+/// Sets the [`STEADY`] controls, the exposure and the `wanted` controls, in this order, and reads
+/// each back. Returns the adjustments for which the camera has no control.
 ///
 /// # Errors
 /// [`RigError::Refused`] for a missing control, or one that does not hold its value.
@@ -186,8 +186,8 @@ pub(super) fn settle_controls(
     Ok(uncontrolled(&has, wanted))
 }
 
-/// Sets `times` the `exposure`, which a pulse does by itself; returns false if that is set
-/// elsewhere.
+/// Sets the exposure to `times` `exposure`; an exposure by pulse follows the pulse and needs no
+/// setting. Returns false if the exposure is set outside this program.
 pub(super) fn expose(
     node: &Node,
     has: &[Control],
@@ -224,7 +224,7 @@ pub(super) fn needs_longer_interval(node: &Node, exposure: &Exposure, times: f64
 }
 
 /// Requests a frame interval that is long enough for the exposure, since drivers shorten exposures
-/// to fit. A triggered camera may have none.
+/// to fit the interval. A triggered camera may have no interval.
 fn fit_interval(node: &Node, exposure_ms: f64) {
     let exposure_s = exposure_ms / 1000.0;
     let Ok(Some(found)) = node.frame_interval_s() else { return };

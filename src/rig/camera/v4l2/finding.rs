@@ -13,7 +13,7 @@ use crate::rig::RigError;
 use crate::rig::camera::memory::{gone, refused};
 use crate::rig::device::listed;
 
-/// Video nodes searched.
+/// Number of video nodes searched.
 const NODES_MAX: usize = 64;
 
 /// Folder that holds `dev` and `sys`.

@@ -31,7 +31,7 @@ impl AsFd for Node {
     }
 }
 
-/// Numbers of the controls of users and cameras in <linux/v4l2-controls.h>, with room for more.
+/// Ids of user and camera controls in <linux/v4l2-controls.h>, with room for more.
 const STANDARD_CONTROLS: [Range<u32>; 2] = [
     sys::V4L2_CID_BASE..sys::V4L2_CID_BASE + 64,
     sys::V4L2_CID_CAMERA_CLASS_BASE..sys::V4L2_CID_CAMERA_CLASS_BASE + 64,
@@ -58,8 +58,8 @@ pub(super) struct Control {
     pub(super) settable: bool,
 }
 
-/// A filled buffer out of the queue. It cannot be copied or constructed elsewhere; while it exists,
-/// the driver does not write to the buffer.
+/// A filled buffer taken from the queue. It cannot be copied or constructed elsewhere; while it
+/// exists, the driver does not write to the buffer.
 #[derive(Debug, PartialEq)]
 pub(super) struct Filled {
     index: u32,
@@ -68,7 +68,7 @@ pub(super) struct Filled {
     pub(super) sequence: u32,
     /// Seconds on the monotonic clock; `None` if the driver uses another clock.
     pub(super) at_s: Option<f64>,
-    /// Whether the driver states that the stamp is of the exposure's start, not of the frame's end.
+    /// Whether the driver declares the stamp as the exposure's start rather than the frame's end.
     pub(super) at_start: bool,
 }
 
@@ -123,7 +123,7 @@ impl Node {
         Ok(format.pix())
     }
 
-    /// Frame interval in seconds; `None` if the driver has none.
+    /// Frame interval in seconds; `None` if the driver does not state one.
     pub(super) fn frame_interval_s(&self) -> io::Result<Option<f64>> {
         let mut timing = FrameTiming::of_interval(0, 1);
         call::<GetTiming>(self, &mut timing)?;
@@ -137,8 +137,8 @@ impl Node {
         Ok(timing.interval_s())
     }
 
-    /// All controls that can be described. uvcvideo fails for one whose camera refuses its range,
-    /// and does not name the next, which is then searched for by its number.
+    /// All controls that the driver can describe. uvcvideo fails for a control whose range the
+    /// camera refuses, and does not name the next one, which is then searched for by its id.
     pub(super) fn controls(&self) -> Vec<Control> {
         let mut all: Vec<Control> = Vec::new();
         let mut last = 0;
@@ -153,7 +153,7 @@ impl Node {
                     last = control.id;
                     all.push(control);
                 }
-                // Makers' numbers are larger.
+                // Past the standard controls come those of makers, with larger ids.
                 None => match later.next_back() {
                     Some(end) => last = end,
                     None => return all,
@@ -212,7 +212,7 @@ impl Node {
         Ok(Buffer { start, length, index })
     }
 
-    /// Gives `buffer`, which ends in [`UNTOUCHED`] before `frame_bytes`, to the driver.
+    /// Marks the end of a frame in `buffer` with [`UNTOUCHED`], and gives the buffer to the driver.
     pub(super) fn queue(&self, buffer: &mut Buffer, frame_bytes: usize) -> io::Result<()> {
         buffer.mark(frame_bytes);
         call::<QueueBuffer>(self, &mut MappedBuffer::new(buffer.index))
@@ -248,8 +248,8 @@ pub(super) fn control_name(title: &str) -> String {
     words.map(str::to_ascii_lowercase).collect::<Vec<_>>().join("_")
 }
 
-/// End of a frame before the driver has written it. A receiver may deliver a frame whose lower rows
-/// were lost on the cable as a good one (rp1-cfe).
+/// Last bytes of a frame that the driver has not written yet. A receiver may deliver a frame as
+/// good although its lower rows were lost on the cable (rp1-cfe).
 const UNTOUCHED: &[u8; 16] = b"relens: no frame";
 
 /// A mapped buffer of the driver.
@@ -263,7 +263,7 @@ pub(super) struct Buffer {
 unsafe impl Send for Buffer {}
 
 impl Buffer {
-    /// Writes [`UNTOUCHED`] before `frame_bytes`, if a frame has so many.
+    /// Writes [`UNTOUCHED`] at the end of a frame of `frame_bytes`, if it fits.
     fn mark(&mut self, frame_bytes: usize) {
         if frame_bytes >= UNTOUCHED.len() && frame_bytes <= self.length {
             // SAFETY: the place is within the writable mapping. Only `Node::queue` calls this,
@@ -284,7 +284,7 @@ impl Buffer {
     pub(super) fn bytes<'a>(&'a self, filled: &'a Filled) -> &'a [u8] {
         let used = filled.bytes_used.min(self.length);
         // SAFETY: the mapping is at least this long, readable, and lives as long as `self`; the
-        // driver does not write to a buffer as long as its `Filled` is there.
+        // driver does not write to a buffer as long as its `Filled` exists.
         unsafe { std::slice::from_raw_parts(self.start.cast::<u8>(), used) }
     }
 }

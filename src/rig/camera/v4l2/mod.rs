@@ -46,7 +46,7 @@ pub struct CameraSettings {
     pub exposure: Exposure,
     /// Control of the gain, if the rig file names it.
     pub gain: Option<GainControl>,
-    /// Whether the camera runs free.
+    /// Whether the camera exposes continuously rather than on request.
     pub free_running: bool,
 }
 
@@ -79,12 +79,12 @@ impl CameraSettings {
                 let (name, value) = GainControl::NAMES.iter().find_map(held)?;
                 Some(GainControl { name, value, step_db })
             }),
-            // Pulses of a PWM channel are not on request, either.
+            // A PWM channel repeats its pulses, so the camera does not expose on request, either.
             free_running: !matches!(trigger, TriggerDevice::Line(_)),
         })
     }
 
-    /// Format and size in messages.
+    /// Format and size, for messages.
     fn picture(&self) -> String {
         format!("{} of {}", self.format.code(), self.size)
     }
@@ -93,13 +93,13 @@ impl CameraSettings {
 /// A streaming camera.
 pub struct V4l2Camera {
     settings: CameraSettings,
-    /// `None` from a loss until a successful [`Camera::reopen`].
+    /// `None` after the camera is lost, until [`Camera::reopen`] succeeds.
     ring: Option<Ring>,
     opened: Opened,
     /// Exposure as a multiple of the settings'.
     exposure_times: f64,
     memory: FrameMemory,
-    /// Decoder of JPEG frames in another process.
+    /// Decoder of JPEG frames, which runs in another process.
     decoder: Worker,
 }
 
@@ -157,7 +157,7 @@ impl Camera for V4l2Camera {
             let is_complete = !filled.damaged
                 && !ring.is_torn(&filled)
                 && match self.settings.format {
-                    // A frame damaged on the cable may crash its decoder only.
+                    // A frame damaged on the cable may crash only the decoder's process.
                     PixelFormat::Jpeg => decode(&mut self.decoder, bytes, &mut counts),
                     format => {
                         let (stride_bytes, sites) =
@@ -182,7 +182,7 @@ impl Camera for V4l2Camera {
                 return Ok(Exposed { counts, sequence, at });
             }
             self.memory.give_back(counts);
-            // Damaged frames may come without end.
+            // Damaged frames may keep coming past the deadline.
             let waited_ms = (Monotonic.now().0 - began.0) * 1e3;
             if Monotonic.now() > deadline {
                 return Err(RigError::NoFrame { waited_ms });
@@ -200,7 +200,7 @@ impl Camera for V4l2Camera {
         // uvcvideo refuses another interval while it streams.
         let restarts = needs_longer_interval(&ring.node, exposure, times);
         if restarts {
-            // Takes all buffers back; frames in them are lost.
+            // Stopping returns all buffers, and the frames in them are lost.
             ring.node.stream(false).map_err(|cause| gone(cause.to_string()))?;
         }
         let node = self.opened.sensor.as_ref().unwrap_or(&ring.node);
@@ -240,8 +240,8 @@ fn decode(decoder: &mut Worker, bytes: &[u8], counts: &mut Counts) -> bool {
         .is_ok()
 }
 
-/// Frame interval of a free-running camera at `times` the exposure; the exposure if its driver does
-/// not state one.
+/// Frame interval of a free-running camera at `times` the exposure: the driver's, but no shorter
+/// than the exposure. `None` for a triggered camera.
 fn interval(node: &Node, settings: &CameraSettings, times: f64) -> Option<f64> {
     let exposure_s = settings.exposure.exposure_ms * times / 1e3;
     let stated_s = || node.frame_interval_s().ok().flatten().unwrap_or(0.0);
@@ -266,7 +266,7 @@ fn start(settings: &CameraSettings) -> Result<(Ring, Opened), RigError> {
     let settled = settle_format(&node, settings)?;
     let controlled = sensor.as_ref().unwrap_or(&node);
     let missing = settle_controls(controlled, &settings.exposure, controls)?;
-    // A board's sensor delivers unprocessed counts.
+    // A board's sensor delivers unprocessed counts, so it needs none of these controls.
     if sensor.is_none() && !missing.is_empty() {
         log::warn!(
             "the camera has no control of {}; its own adjustments remain active",
@@ -292,7 +292,7 @@ fn start(settings: &CameraSettings) -> Result<(Ring, Opened), RigError> {
 fn start_failed(settings: &CameraSettings, source: std::io::Error) -> RigError {
     let picture = settings.picture();
     match &settings.device.media {
-        // EPIPE: the pads of a link differ, or there is no link.
+        // EPIPE: the formats of a link's two pads differ, or there is no link.
         Some(MediaGraph { capture, .. }) if is(&source, Errno::PIPE) => refused(
             format!("media graph: no path from the sensor to {capture:?} with matching pads"),
             format!("enabled links along the path, and the format of {picture} at every pad"),
@@ -304,7 +304,7 @@ fn start_failed(settings: &CameraSettings, source: std::io::Error) -> RigError {
             }
             starts::check(graph).err().unwrap_or(failure)
         }
-        // The error of a full disk, from usbcore's count of bandwidth.
+        // ENOSPC is usbcore's error for too little bandwidth, not that of a full disk.
         None if is(&source, Errno::NOSPC) => refused(
             format!("{picture}, for which the USB bus has no room"),
             "a fast socket of its own, without a hub or another camera",

@@ -1,5 +1,5 @@
-//! Requests of a V4L2 node, each bound to the structure that it reads and writes, which makes calls
-//! sound.
+//! Requests of a V4L2 node. Each is bound to the structure that it reads and writes, which makes
+//! calls sound.
 #![allow(unsafe_code)] // ioctl and the kernel's unions.
 
 use std::io;
@@ -23,7 +23,7 @@ const MMAP: u32 = sys::v4l2_memory_V4L2_MEMORY_MMAP;
 /// All bits zero must be a value of the type.
 pub(super) unsafe trait Zeroable: Sized {}
 
-/// A request.
+/// A request: its number and the structure that it takes.
 ///
 /// # Safety
 /// For `NUMBER` the kernel must read and write one `Argument`, and no memory that its values point
@@ -49,9 +49,9 @@ macro_rules! requests {
     ($($name:ident = $number:ident($argument:ty);)*) => {$(
         pub(super) enum $name {}
 
-        // SAFETY: <linux/videodev2.h> pairs the two, and `call` compares their sizes. None of the
-        // structures leads the kernel to other memory: formats and buffers, which could, are made
-        // by this file for pictures in buffers that the driver owns.
+        // SAFETY: <linux/videodev2.h> pairs number and structure, and `call` compares their sizes.
+        // None of the structures points the kernel to other memory: formats and buffers, which
+        // could, are constructed only here, for pictures in buffers that the driver owns.
         unsafe impl Request for $name {
             const NUMBER: vidioc::_IOC_TYPE = vidioc::$number;
             type Argument = $argument;
@@ -146,7 +146,7 @@ impl FrameTiming {
         FrameTiming(timing)
     }
 
-    /// Frame interval in seconds; `None` if the driver has none.
+    /// Frame interval in seconds; `None` if the driver does not state one.
     pub(super) fn interval_s(&self) -> Option<f64> {
         // SAFETY: any bits are a value of this member.
         let capture = unsafe { self.0.parm.capture };
@@ -165,7 +165,7 @@ impl MappedBuffer {
         MappedBuffer(sys::v4l2_buffer { index, type_: CAPTURE, memory: MMAP, ..zeroed() })
     }
 
-    /// Offset of its mapping, after a query.
+    /// Offset at which to map the buffer, once it has been queried.
     pub(super) fn offset(&self) -> u32 {
         // SAFETY: any bits are a value of this member.
         unsafe { self.0.m.offset }

@@ -18,7 +18,7 @@ pub(super) const BUFFERS_MAX: usize = 8;
 pub(super) struct Ring {
     buffers: heapless::Vec<Buffer, BUFFERS_MAX>,
     pub(super) node: Node,
-    /// Bytes of a whole frame; 0 where frames differ in length.
+    /// Bytes of a whole frame; 0 if frames vary in length.
     frame_bytes: usize,
 }
 

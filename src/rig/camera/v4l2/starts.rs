@@ -1,6 +1,6 @@
-//! Failed starts of boards' cameras. After a second one the rig calls its operator: rp1-cfe brings
-//! the kernel down when a sensor fails to start with its front end unused (raspberrypi/linux, issue
-//! 7398).
+//! Record of failed starts of boards' cameras. After the second failure the operator is called:
+//! rp1-cfe crashes the kernel when a sensor fails to start while its front end is unused
+//! (raspberrypi/linux, issue 7398).
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
@@ -22,7 +22,7 @@ fn name(graph: &MediaGraph) -> &String {
     graph.sensor.as_ref().unwrap_or(&graph.capture)
 }
 
-/// Checks that the sensor of `graph` may be started, as it may up to the last failure allowed.
+/// Checks that the sensor of `graph` has failed to start fewer than [`FAILURES_MAX`] times.
 pub(super) fn check(graph: &MediaGraph) -> Result<(), RigError> {
     let failures = failed().iter().filter(|one| *one == name(graph)).count();
     if failures < FAILURES_MAX {

@@ -1,5 +1,5 @@
 //! Aravis's fake GigE Vision camera on the loopback, with features of real cameras, a clock of its
-//! own, and frames of the test's.
+//! own, and frames supplied by the test.
 #![allow(unsafe_code)] // Parts of the library that crate `aravis` does not wrap.
 
 use std::ffi::c_void;
@@ -38,7 +38,7 @@ const FORMATS: [(&str, u32); 6] = [
     ("BayerGB16", 0x0110_0030),
 ];
 
-/// What the fake delivers.
+/// The frame that the fake delivers next.
 struct NextFrame {
     bytes: Mutex<Vec<u8>>,
     began_s: f64,
@@ -99,19 +99,19 @@ pub(crate) struct FakeCamera {
 }
 
 impl FakeCamera {
-    /// Plugs a camera in whose description has each `(from, to)` of `changes` replaced.
+    /// Plugs in a camera, after replacing `from` by `to` in its description for each of `changes`.
     pub(crate) fn plug(changes: &[(&str, &str)]) -> FakeCamera {
         Self::plug_into(PORT.lock().unwrap_or_else(PoisonError::into_inner), changes)
     }
 
-    /// Plugs the camera out; no other test gets its port.
+    /// Unplugs the camera; no other test gets its port.
     pub(crate) fn unplug(self) -> MutexGuard<'static, ()> {
         let FakeCamera { gv, line, _description, alone } = self;
         drop((gv, line));
         alone
     }
 
-    /// [`FakeCamera::plug`] into a free port.
+    /// Plugs in a camera as [`FakeCamera::plug`] does, into a port that is already held.
     pub(crate) fn plug_into(
         alone: MutexGuard<'static, ()>,
         changes: &[(&str, &str)],
@@ -175,13 +175,13 @@ impl std::ops::Deref for FakeCamera {
     }
 }
 
-/// Switches the library's camera of this process on.
+/// Enables the library's fake camera in this process.
 pub(crate) fn enable_interface() {
     // SAFETY: a terminated text.
     unsafe { sys::arv_enable_interface(c"Fake".as_ptr()) };
 }
 
-/// Ends a thread, after a panic too.
+/// Ends the ticking thread when dropped, also after a panic.
 struct StopsTicking<'a>(&'a AtomicBool);
 
 impl Drop for StopsTicking<'_> {
@@ -214,7 +214,7 @@ unsafe extern "C" fn fill(
     _gain: u32,
     format: sys::ArvPixelFormat,
 ) {
-    // SAFETY: the caller's.
+    // SAFETY: the caller upholds the contract above.
     unsafe {
         let line = &*line.cast::<Line>();
         let (width, height) =
@@ -237,7 +237,7 @@ fn description() -> String {
         format!("<EnumEntry Name=\"{name}\" NameSpace=\"Standard\">\n\t\t\t<Value>{value}</Value>")
     };
     let mut text = plain.to_string();
-    // The fake answers software triggers alone: its line becomes one.
+    // The fake answers only software triggers, so its line becomes one.
     for (name, was, now) in [("Line0", 0, 1), ("Software", 1, 0)] {
         let from = entry(name, was);
         assert!(text.contains(&from), "no {from}");

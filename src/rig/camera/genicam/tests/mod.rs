@@ -211,7 +211,7 @@ fn a_frame_has_the_time_of_its_exposure_by_the_camera_s_clock() {
     for _ in 0..3 {
         let fired_s = Monotonic.now().0;
         fake.pulse();
-        // The frame waits in its buffer: its arrival says nothing.
+        // The frame waits in its buffer, so that the moment of its arrival is no help.
         std::thread::sleep(std::time::Duration::from_millis(150));
         let frame = fake.ticking(|| {
             std::thread::sleep(std::time::Duration::from_millis(5));

@@ -121,14 +121,14 @@ impl Graph {
         })
     }
 
-    /// Pads of an entity that have links, in order.
+    /// Pads of `entity` that have links, in order.
     pub(super) fn pads(&self, entity: &Entity) -> Vec<u32> {
         let ends = self.ways.iter().flat_map(|way| [way.from, way.to]);
         let own = ends.filter(|end| end.entity == entity.id).map(|end| end.pad);
         own.collect::<std::collections::BTreeSet<_>>().into_iter().collect()
     }
 
-    /// A link by the names of its ends.
+    /// Describes a link by the names of its ends.
     pub(super) fn spelled(&self, way: &Way) -> String {
         let pad = |place: PadPlace| {
             let entity = self.entities.iter().find(|entity| entity.id == place.entity);

@@ -15,7 +15,7 @@ use super::super::request::{Request, Zeroable, call, ioctl, is, zeroed};
 
 /// Limit of entities, pads, links or interfaces: far more than on any board. Guess.
 const OBJECTS_MAX: u32 = 4096;
-/// Attempts to read a graph that changes meanwhile.
+/// Attempts to read a graph that changes while it is read.
 const READINGS_MAX: usize = 8;
 const ACTIVE: u32 = 1;
 const LINK_KIND: u32 = 0xf << 28;
@@ -86,7 +86,7 @@ macro_rules! requests {
     ($($name:ident = $kind:literal, $number:literal, $argument:ty;)*) => {$(
         enum $name {}
 
-        // SAFETY: the kernel's headers pair the two, and no field is an address.
+        // SAFETY: the kernel's headers pair number and structure, and no field is an address.
         unsafe impl Request for $name {
             const NUMBER: vidioc::_IOC_TYPE = reads_and_writes::<$argument>($kind, $number);
             type Argument = $argument;
@@ -166,7 +166,7 @@ impl MediaDevice {
     fn read_graph(&self, request: &mut GraphRequest) -> io::Result<()> {
         let argument = std::ptr::from_mut(request).cast();
         // SAFETY: the pointer is to a live `GraphRequest`. The kernel writes no more objects to a
-        // list's place than its count (`media_device_get_topology`), for which `room` made it.
+        // list's place than its count (`media_device_get_topology`), for which `room` allocated it.
         unsafe { ioctl(self.0.as_raw_fd(), READ_GRAPH, argument) }
     }
 
@@ -204,8 +204,8 @@ pub(super) fn set_pad_format(node: &impl AsFd, wanted: PadSetting) -> io::Result
     Ok(setting)
 }
 
-/// Request for a size and bus format of `pad`, progressive (`V4L2_FIELD_NONE`), with the colours
-/// `before` it, or the driver's own.
+/// Request for a size and bus format of `pad`, progressive (`V4L2_FIELD_NONE`), with the colour
+/// fields of the pad `before` it, or else the driver's own.
 pub(super) fn wish(
     pad: u32,
     size: (u32, u32),

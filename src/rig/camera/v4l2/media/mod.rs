@@ -24,20 +24,20 @@ use crate::config::{MediaGraph, MediaLink, PadFormat, bus_format, bus_format_nam
 use crate::frame::Size;
 use crate::rig::RigError;
 
-/// Media devices searched.
+/// Number of media devices searched.
 const MEDIA_MAX: usize = 32;
 
 /// Nodes of a configured graph.
 pub(super) struct SetUp {
     pub(super) capture: Node,
-    /// Node of the sensor's controls, if that is another one.
+    /// Node of the sensor's controls, if that is not the capture node.
     pub(super) sensor: Option<Node>,
 }
 
-/// Sets links, the sensor's orientation, and formats for pictures of `size`, in this order: a
-/// sensor's format may follow its flips. Other links that can be changed are disabled, since
-/// rp1-cfe delivers no frame until every node with an enabled link streams, and `rpicam-apps` leave
-/// such links behind. `controls` are the rig file's.
+/// Sets links, the sensor's orientation, and formats for pictures of `size`, in this order, since a
+/// sensor's format may depend on its flips. Disables all other links that can be changed: rp1-cfe
+/// delivers no frame until every node with an enabled link streams, and `rpicam-apps` leave such
+/// links behind. `controls` are the rig file's.
 ///
 /// # Errors
 /// [`RigError::Gone`] without such a media device, [`RigError::Held`] while another program streams
@@ -58,7 +58,7 @@ pub(super) fn set_up(
     for format in &wanted.format {
         before = Some(settle_pad(&graph, format, size, before)?);
     }
-    // A later pad may have changed an earlier one.
+    // Setting a later pad may have changed an earlier one.
     for format in &wanted.format {
         let (entity, pad) = graph.pad(&format.pad)?;
         let found = pad_format(&open(entity)?, pad)
@@ -84,7 +84,7 @@ fn set_links(device: &MediaDevice, graph: &Graph, wanted: &[MediaLink]) -> Resul
     let others = graph.ways.iter().filter(|way| !way.is_fixed() && !is_listed(way));
     let mut all: Vec<(Way, bool)> = others.map(|way| (*way, false)).collect();
     all.extend(changes);
-    // A pad may have one enabled link.
+    // A pad may allow only one enabled link, so links are disabled first.
     all.sort_by_key(|&(_, on)| on);
     for (way, on) in all.into_iter().filter(|(way, on)| way.is_on() != *on) {
         let refusal = |cause: &str| {
@@ -174,7 +174,7 @@ fn find(wanted: &MediaGraph) -> Result<(MediaDevice, Graph), RigError> {
 
 fn open(entity: &Entity) -> Result<Node, RigError> {
     let path = entity.node.and_then(|(major, minor)| {
-        // A link to the device's folder, which has the name of its node.
+        // A symbolic link to the device's folder, which is named like the node.
         let folder = readlink(root().join(format!("sys/dev/char/{major}:{minor}")), Vec::new());
         let folder = folder.ok()?.into_string().ok()?;
         Some(root().join("dev").join(folder.rsplit('/').next()?))
@@ -188,7 +188,7 @@ fn open(entity: &Entity) -> Result<Node, RigError> {
     finding::open(&path)
 }
 
-/// Sets the format of a pad, with the colours of the pad `before` it.
+/// Sets the format of a pad, with the colour fields of the pad `before` it.
 fn settle_pad(
     graph: &Graph,
     format: &PadFormat,

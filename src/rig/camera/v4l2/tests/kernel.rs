@@ -1,6 +1,6 @@
-//! Drivers as they behave, at the system call: rp1-cfe and imx296 of Raspberry Pi's kernels, and
-//! uvcvideo. Nodes are files of a folder; structures are read by their offsets in the kernel's
-//! headers, not by this crate's own definitions.
+//! Fakes, at the system call, of drivers as they behave: rp1-cfe and imx296 of Raspberry Pi's
+//! kernels, and uvcvideo. Nodes are files of a folder; structures are read by their offsets in the
+//! kernel's headers, not by this crate's own definitions.
 #![allow(unsafe_code)] // Arguments of system calls.
 
 use std::cell::RefCell;
@@ -19,7 +19,7 @@ use crate::rig::{Clock, monotonic::Monotonic};
 /// What the drivers do, where that differs from what their interfaces promise.
 #[derive(Debug, Clone)]
 pub(in super::super) struct DriverRules {
-    /// The driver: rp1-cfe with a sensor behind it, or uvcvideo.
+    /// Whether the driver is rp1-cfe with a sensor behind it, rather than uvcvideo.
     pub(in super::super) is_graph: bool,
     /// The sensor's bus format follows its flips.
     pub(in super::super) flips_change_code: bool,
@@ -27,9 +27,9 @@ pub(in super::super) struct DriverRules {
     pub(in super::super) waits_for_all_nodes: bool,
     /// The receiver compares the colour fields of its pads.
     pub(in super::super) compares_colours: bool,
-    /// Frames whose lower half was lost, from the first.
+    /// Number of frames, from the first, whose lower half was lost.
     pub(in super::super) torn: u32,
-    /// Starts of the stream that fail: of the sensor, or for want of bandwidth.
+    /// Number of starts of the stream that fail: of the sensor, or for want of bandwidth.
     pub(in super::super) failing_starts: u32,
     /// Listings of the controls before the maker's control appears.
     pub(in super::super) listings_without_maker_control: u32,
@@ -134,7 +134,7 @@ pub(in super::super) fn kernel<T>(with: impl FnOnce(&mut FakeKernel) -> T) -> T 
 /// Replaces the system call on nodes of this thread's kernel.
 ///
 /// # Safety
-/// As of the system call.
+/// The requirements of the system call.
 pub(in super::super) unsafe fn ioctl(
     fd: RawFd,
     number: v4l::v4l2::vidioc::_IOC_TYPE,
@@ -144,7 +144,7 @@ pub(in super::super) unsafe fn ioctl(
     let is_fake =
         KERNEL.with_borrow(|k| k.as_ref().is_some_and(|k| path.starts_with(k.folder.path())));
     if !is_fake {
-        // SAFETY: the caller's.
+        // SAFETY: the caller guarantees what the system call requires.
         return unsafe { v4l::v4l2::ioctl(fd, number, argument) };
     }
     let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
@@ -251,7 +251,7 @@ impl FakeKernel {
         self.controls.iter().find(|(one, _)| *one == name).expect("it has the control").1
     }
 
-    /// Place in the record of the first request that begins so.
+    /// Index in the record of the first request that begins with `words`.
     pub(in super::super) fn first(&self, words: &str) -> Option<usize> {
         self.asked.iter().position(|one| one.starts_with(words))
     }
@@ -429,7 +429,7 @@ impl FakeKernel {
 
     /// A filled buffer; its lower half keeps its old bytes in a torn frame.
     fn deliver(&mut self, argument: &mut Argument<'_>) -> Result<(), Errno> {
-        // Nodes of entities beyond the capture node stream only if another program lets them.
+        // Nodes of entities beyond the capture node stream only if another program starts them.
         let waits = |link: &FakeLink| link.to.0.max(link.from.0) > CAPTURE && link.flags & 1 != 0;
         let is_held = self.rules.waits_for_all_nodes && self.links.iter().any(waits);
         if !self.streams || self.queued.is_empty() || (self.rules.is_graph && is_held) {
