@@ -9,10 +9,10 @@ use crate::calibration::Calibration;
 use crate::config::{Curve, RigFile};
 use crate::deconvolution::method::{Method, MethodError, Watch};
 use crate::deconvolution::quality::{psnr, ssim};
-use crate::frame::{Channel, Channels, FULL_SCALE, Frame, Plane, RawSites, Work};
+use crate::frame::{Channel, Channels, Coding, FULL_SCALE, Frame, Plane, RawSites, Work};
 use crate::measurement::{CalibrateError, calibrate, to_the_end};
-use crate::picture::Tone;
-use crate::pipeline::{PhotoData, Pipeline, PipelineError, Prepared, Solved};
+use crate::picture::{Photo, Tone};
+use crate::pipeline::{PhotoData, Pipeline, PipelineError, Prepared, Recorded, Solved};
 use crate::remedy::{Remediable, Remedy};
 use crate::rig::RigError;
 use crate::rig::exposure::Devices;
@@ -40,12 +40,21 @@ pub struct TestPhoto {
     pub light: Frame<Work>,
     /// The sites of a raw photo.
     pub raw: Option<RawSites>,
+    /// Coefficients and tone curve of a JPEG.
+    pub coded: Option<(Coding, Tone)>,
+}
+
+impl From<Photo> for TestPhoto {
+    fn from(photo: Photo) -> TestPhoto {
+        let Photo { light, raw, coding, manner, .. } = photo;
+        TestPhoto { light, raw, coded: coding.map(|coding| (coding, manner.tone)) }
+    }
 }
 
 impl TestPhoto {
     /// A photo developed by its camera.
     pub fn developed(light: Frame<Work>) -> TestPhoto {
-        TestPhoto { light, raw: None }
+        TestPhoto { light, raw: None, coded: None }
     }
 
     /// Photographs `scene` with the camera of `witness`: as raw sites if its sensor has colour
@@ -62,15 +71,19 @@ impl TestPhoto {
         TestPhoto {
             light: raw.mosaic.interpolated(&sites),
             raw: Some(RawSites::new(raw.mosaic, per_level as f32)),
+            coded: None,
         }
     }
 
     /// Prepares the photo for the methods of `pipeline`.
     pub fn prepared(&self, pipeline: &Pipeline, channels: Channels) -> Prepared<'_> {
-        pipeline.prepare(match self.raw {
-            Some(raw) => PhotoData::raw(&self.light, raw),
-            None => PhotoData::developed(&self.light, channels),
-        })
+        let recorded = match (self.raw, &self.coded) {
+            (Some(raw), _) => Recorded::Raw(raw),
+            (None, Some((coding, tone))) => Recorded::Jpeg { coding, tone },
+            (None, None) => Recorded::Developed,
+        };
+        let channels = if self.raw.is_some() { Channels::Colour } else { channels };
+        pipeline.prepare(PhotoData { light: &self.light, channels, recorded })
     }
 }
 

@@ -5,8 +5,8 @@
 //! are masked as missing data, and the photo is solved again.
 
 use super::Pipeline;
-use super::judging::limits::{FOREIGN, INFORMATIVE, OUTLIERS, OUTLIERS_MOST, OutlierLimits};
-use super::judging::{unexplained_product, valid_pixels};
+use super::judging::limits::{FOREIGN_REST, INFORMATIVE, OUTLIERS, OUTLIERS_MOST, OutlierLimits};
+use super::judging::{Residuals, valid_pixels};
 use super::outliers::{Outliers, connected};
 use super::stages::{Prepared, Solved};
 use crate::deconvolution::data_term::{MISSING, NOISE_MIN, residual_in_place};
@@ -44,7 +44,9 @@ impl Pipeline {
                 return None;
             }
             let rest = self.masked(photo, &widened(&found, reach));
-            (unexplained_product(&self.residuals(&rest, &seen)) <= FOREIGN).then_some(rest)
+            let residuals = self.residuals(&rest, &seen);
+            let is_explained = |of: &Residuals| f64::from(of.product()) <= FOREIGN_REST;
+            residuals.iter().all(is_explained).then_some(rest)
         })
     }
 

@@ -1,7 +1,7 @@
 //! A calibrated simulated rig with its witness, on which one thing is changed.
 
 use image::codecs::jpeg::JpegEncoder;
-use image::{ExtendedColorType, ImageEncoder, ImageFormat};
+use image::{ExtendedColorType, ImageEncoder};
 use relens::calibration::Calibration;
 use relens::chart::scenes::Scene;
 use relens::chart::test_rig::{PHOTO_SEED, Score, TestPhoto, TestRig, seen};
@@ -12,7 +12,7 @@ use relens::deconvolution::level_norms::LevelNorms;
 use relens::deconvolution::method::{About, Method, MethodError, Problem, Solution, Watch};
 use relens::frame::{Channel, Frame, Plane, Work};
 use relens::measurement::{calibrate, to_the_end};
-use relens::picture::Tone;
+use relens::picture::{Limits, Photo, Tone};
 use relens::pipeline::{Outcome, Prepared, Restoration, Solved};
 use relens::rig::simulated::{Witness, open};
 
@@ -146,7 +146,11 @@ impl Harness {
             TestPhoto::developed(Frame::from_fn(|c| tone.plane(c, codes.plane(c))))
         };
         let photo = match jpeg {
-            Some(quality) => as_codes(&through_jpeg(&camera.photograph(&light, seed), quality)?),
+            Some(quality) => {
+                let file = as_jpeg(&camera.photograph(&light, seed), quality)?;
+                let curve = self.config().photo.curve;
+                Photo::from_bytes("photo.jpg", &file, curve, &Limits::default())?.into()
+            }
             None if developed => as_codes(&camera.photograph(&light, seed)),
             None => TestPhoto::taken(camera, self.config().photo.curve, &light, seed),
         };
@@ -287,8 +291,8 @@ fn with_lens(calibration: &Calibration, functions: LensFunctions) -> Result<Cali
     Ok(changed)
 }
 
-/// `codes` after coding as a JPEG of `quality` (1 to 100).
-fn through_jpeg(codes: &Frame<Work, u8>, quality: u8) -> Result<Frame<Work, u8>, Failure> {
+/// The file of `codes` as a JPEG of `quality` (1 to 100).
+fn as_jpeg(codes: &Frame<Work, u8>, quality: u8) -> Result<Vec<u8>, Failure> {
     let size = codes.size();
     let [red, green, blue] = codes.planes().each_ref().map(|plane| plane.data());
     let pixels: Vec<u8> =
@@ -300,8 +304,5 @@ fn through_jpeg(codes: &Frame<Work, u8>, quality: u8) -> Result<Frame<Work, u8>,
         size.height as u32,
         ExtendedColorType::Rgb8,
     )?;
-    let read = image::load_from_memory_with_format(&file, ImageFormat::Jpeg)?.into_rgb8();
-    Ok(Frame::from_fn(|c| {
-        Plane::from_fn(size, |x, y| read.get_pixel(x as u32, y as u32).0[c.index()])
-    }))
+    Ok(file)
 }

@@ -277,7 +277,7 @@ impl Taken {
             let prepared = harness.test_rig.parts().0.prepare(&photo);
             return Ok((photo.light.clone(), harness.restore(&prepared, &*solver)?.outcome));
         }
-        let photo = TestPhoto { light: light.clone(), raw: self.raw };
+        let photo = TestPhoto { light: light.clone(), raw: self.raw, coded: None };
         let prepared = harness.prepare(&photo);
         Ok((light, harness.restore(&prepared, &*solver)?.outcome))
     }

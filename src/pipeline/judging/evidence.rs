@@ -74,7 +74,7 @@ impl Residuals {
     ///
     /// Either factor alone proves little: in a busy photo an imperfect model leaves a little more
     /// than noise, and in a calm one noise is a large part of the untouched residual.
-    pub(super) fn product(&self) -> f32 {
+    pub(in crate::pipeline) fn product(&self) -> f32 {
         self.over_floor() * self.over_untouched()
     }
 }

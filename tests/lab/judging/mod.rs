@@ -155,16 +155,13 @@ fn restore(
         });
         let seed = seed.wrapping_mul(1000) + view.number();
         let truth = Truth::of(harness.config(), Channels::Colour, &harness.truth(&light));
-        Ok((view, kept, Taken::of(harness, &light, kept, seed)?, truth))
+        Ok((view, kept, taken(harness, &light, kept, seed)?, truth))
     });
     let taken = taken.collect::<Result<Vec<_>, Failure>>()?;
     harness.change_captures();
     let mut records = Vec::new();
-    for (view, kept, taken, truth) in &taken {
-        let prepared = match taken {
-            Taken::Plain(photo) => harness.prepare(photo),
-            Taken::Coded(photo) => harness.test_rig.parts().0.prepare(&**photo),
-        };
+    for (view, kept, photo, truth) in &taken {
+        let prepared = harness.prepare(photo);
         for &which in methods {
             let solver = harness.method(&|rig| method(rig, which));
             if fault.step > 0 && !fault.is_none() && !concerned(&*solver, fault.swept) {
@@ -186,28 +183,19 @@ fn restore(
     Ok(records)
 }
 
-/// A photo as the box gets it.
-enum Taken {
-    Plain(TestPhoto),
-    Coded(Box<Photo>),
-}
-
-impl Taken {
-    fn of(h: &Harness, light: &Frame<Work>, kept: Kept, seed: u64) -> Result<Taken, Failure> {
-        let curve = h.config().photo.curve;
-        let codes = || h.witness.photograph(light, seed);
-        Ok(match kept {
-            Kept::Own => Taken::Plain(h.photograph(light, seed)?),
-            Kept::Developed => {
-                let (tone, codes) = (Tone::of_curve(curve, 8), codes());
-                let light = Frame::from_fn(|c| tone.plane(c, codes.plane(c)));
-                Taken::Plain(TestPhoto::developed(light))
-            }
-            Kept::Jpeg(quality) => {
-                let file = coded(&codes(), quality);
-                let photo = Photo::from_bytes("photo.jpg", &file, curve, &Limits::default())?;
-                Taken::Coded(Box::new(photo))
-            }
-        })
-    }
+/// A photo of `light` as the box gets it, with noise of `seed`.
+fn taken(h: &Harness, light: &Frame<Work>, kept: Kept, seed: u64) -> Result<TestPhoto, Failure> {
+    let curve = h.config().photo.curve;
+    let codes = || h.witness.photograph(light, seed);
+    Ok(match kept {
+        Kept::Own => h.photograph(light, seed)?,
+        Kept::Developed => {
+            let (tone, codes) = (Tone::of_curve(curve, 8), codes());
+            TestPhoto::developed(Frame::from_fn(|c| tone.plane(c, codes.plane(c))))
+        }
+        Kept::Jpeg(quality) => {
+            let file = coded(&codes(), quality);
+            Photo::from_bytes("photo.jpg", &file, curve, &Limits::default())?.into()
+        }
+    })
 }
