@@ -182,7 +182,10 @@ impl Brightness {
             Advice::when(
                 !unlit.is_empty(),
                 Action::Cover,
-                format!("the panel is not in view at the {unlit}: move it there, or nearer"),
+                format!(
+                    "the camera sees past the panel at the {unlit}: move the panel there, or \
+                         nearer"
+                ),
             ),
         ];
         rows.into_iter().flatten().collect()
@@ -264,8 +267,8 @@ impl Aim {
                 is_unsuitable,
                 Action::ReplacePanel,
                 format!(
-                    "at no distance the panel both fills the sensor and is finer than it: use one \
-                     of {across:.0}×{down:.0} pixels or more"
+                    "no distance lets this panel both fill the camera's view and be finer than the \
+                     sensor: use a panel of {across:.0}×{down:.0} pixels or more"
                 ),
             ),
             Advice::when(

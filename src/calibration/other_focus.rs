@@ -33,8 +33,8 @@ pub struct OtherFocus {
 #[allow(missing_docs)] // The sentences describe them.
 pub enum FocusError {
     #[error(
-        "found a focus offset of {0}, allowed {SAME_OFFSET} to {OFFSET_MAX} dioptres nearer \
-         or farther (negative)"
+        "found a focus offset of {0} dioptres, allowed {SAME_OFFSET} to {OFFSET_MAX} for a nearer \
+         focus, and the same below zero for a farther one"
     )]
     Offset(f32),
     #[error(
@@ -129,13 +129,16 @@ impl Calibration {
                 && at_sites.as_ref().is_none_or(OperatorNorms::is_whole);
             if !whole {
                 return Err(format!(
-                    "a focus of {offset} dioptres with norms of {norms:?}; positive numbers are \
-                     allowed"
+                    "a focus of {offset} dioptres with norms of {norms:?}; they must be positive"
                 ));
             }
         }
         let fits = self.focuses.is_empty() || self.focus_series().is_some();
-        fits.then_some(()).ok_or_else(|| "focuses of other grids, or one twice".to_owned())
+        fits.then_some(()).ok_or_else(|| {
+            "focuses with other grids of functions than the panel's, \
+                                          or two with the same offset"
+                .to_owned()
+        })
     }
 }
 

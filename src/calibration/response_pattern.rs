@@ -96,7 +96,10 @@ impl ResponsePattern {
             return Ok(());
         }
         let found: Vec<usize> = self.planes.iter().map(Vec::len).collect();
-        Err(format!("a response pattern of {found:?} sites; one or three of {canvas} are allowed"))
+        Err(format!(
+            "a response pattern with planes of {found:?} sites; allowed are none, one or \
+                     three planes of {canvas}"
+        ))
     }
 }
 

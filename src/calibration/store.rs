@@ -34,7 +34,7 @@ pub enum SlotFault {
     #[error("{0}")]
     Bad(String),
     /// The payload is no calibration although the checksum is right, which is a bug of the writer.
-    #[error("undamaged, but no calibration: {0}")]
+    #[error("the file is intact but holds no valid calibration: {0}")]
     Contents(String),
 }
 

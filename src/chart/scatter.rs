@@ -32,8 +32,8 @@ pub fn draw(trade: &Trade, words: &Words) -> Drawing {
     let [left, top, right, bottom] = FIELD;
     let mut sheet = Drawing::light_and_dark(WIDTH, bottom + 56.0 + 16.0 * words.below.len() as f64);
     sheet.words(&words.title, [left, 28.0], Anchor::Start, 18.0);
-    let key = "hollow: no capture; dashes to the right: with the time of the captures; ring: the \
-               rig file's setting; grey: no point is faster and better;";
+    let key = "hollow: no captures; dashed: time including captures; ring: the rig file's setting; \
+               grey line: settings that none beats in both;";
     sheet.words(key, [left, 49.0], Anchor::Start, 12.0);
     let key = "bars: standard deviation over the photos of the difference from the rig file's \
                setting";

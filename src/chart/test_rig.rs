@@ -314,9 +314,9 @@ pub enum TestRigError {
     Calibrate(#[from] CalibrateError),
     #[error("the calibration does not fit the rig file")]
     Pipeline(#[from] PipelineError),
-    #[error("a scene was shown and not photographed")]
+    #[error("a scene shown on the panel could not be photographed")]
     Shown(#[source] RigError),
-    #[error("the method gave no picture")]
+    #[error("the method failed")]
     Method(#[from] MethodError),
 }
 

@@ -38,11 +38,11 @@ pub(super) enum CliError {
     #[error("the dark frame has {0:.0} % of full light: cover the lens, and take the photo again")]
     NotDark(f64),
     #[error(
-        "found a focus offset of {0} dioptres, allowed is less: the rig's focus ring ends at \
-         infinity"
+        "found a focus offset of {0} dioptres, allowed less: the focus ring would have to turn \
+         past infinity"
     )]
     PastInfinity(f32),
-    #[error("{0} exists already: give another name")]
+    #[error("{0} exists already: choose another name")]
     Taken(PathBuf),
     #[error("{0}: {1}")]
     OfPhoto(String, Box<CliError>),

@@ -61,8 +61,8 @@ pub(super) struct RunOptions {
     once: bool,
     /// Photograph PICTURE with a simulated rig at each `relens press`
     ///
-    /// As a rig of devices does with `[run] mode = "shoot"`. The scene stands before the lens for
-    /// the photo, and the panel some seconds after the box has asked for it.
+    /// Works like a real rig with `[run] mode = "shoot"`: the scene is before the lens for the
+    /// photo, and the panel some seconds after the box has asked for it.
     #[arg(
         long,
         value_name = "PICTURE",

@@ -48,8 +48,8 @@ pub(super) struct ShootOptions {
     /// Exposure as a multiple of the rig file's, or `auto` for the longest that hardly clips
     #[arg(long, value_name = "TIMES", default_value = "1", value_parser = exposure)]
     exposure: PhotoExposure,
-    /// Gain as a multiple of the rig file's, for light too dim for any exposure. The photo's stated
-    /// noise is computed from that at the rig file's gain
+    /// Gain as a multiple of the rig file's, for light too dim for any exposure. The noise stated
+    /// in the photo is scaled from the noise at the rig file's gain
     #[arg(long, value_name = "TIMES", default_value = "1", value_parser = gain)]
     gain: f64,
     /// Sharp picture for a simulated rig to photograph

@@ -19,7 +19,7 @@ table! {
 words! {
     /// Treatment of photos with more pixels than the rig's.
     pub enum LargerPhotos {
-        /// The result has the rig's pixels; log and report say so first.
+        /// The result has the rig's size, as the log and the report state first.
         Shrink = "shrink",
         /// The photo is not restored.
         Refuse = "refuse",
@@ -65,7 +65,8 @@ words! {
     pub enum ClockSource {
         /// The network, as the kernel reports: for boards without a battery clock.
         Network = "network",
-        /// A battery clock; times before one already seen are rejected, unless by network.
+        /// A battery clock; a time before one already seen is rejected unless it comes from the
+        /// network.
         Battery = "battery",
     }
 }

@@ -62,8 +62,8 @@ table! {
         /// Wait from flip to trigger: processing latency, scan-out and response time together.
         /// `relens check` measures it.
         settle_ms: f64, Number(0.0, 10_000.0), Never;
-        /// Places of red, green and blue within a pixel. A wrong layout gives results rims of red
-        /// and blue at upright edges.
+        /// Places of red, green and blue within a pixel. A wrong layout gives results red and blue
+        /// fringes at vertical edges.
         @[serde(default, skip_serializing_if = "is_default")]
         subpixels: Subpixels, Word(Subpixels::WORDS), Means("\"rgb\"");
     }
@@ -77,7 +77,7 @@ words! {
         /// every LCD.
         @[default]
         Rgb = "rgb",
-        /// The same in the opposite order.
+        /// Stripes of blue, green and red from left to right.
         Bgr = "bgr",
         /// All on the whole pixel.
         Whole = "whole",
@@ -149,7 +149,7 @@ table! {
         /// Distance from the sensor's edge to the strip in sensor pixels. The canvas stays clear of
         /// strips that do not vanish.
         from_edge_px: usize, Whole(0, 16384), Means("8");
-        /// Height of a strip in sensor pixels: wide beside the blur.
+        /// Height of a strip in sensor pixels: wide compared with the blur.
         height_px: usize, Whole(2, 16384), Means("32");
         /// Whether the strips vanish before each capture: a first exposure with them identifies the
         /// picture, a second without them is the capture. The canvas may then reach the sensor's
@@ -164,8 +164,8 @@ table! {
     pub struct CalibrationTable {
         /// Alignment of panel and sensor.
         geometry: Alignment, Word(Alignment::WORDS), Means("\"checkerboard\"");
-        /// Side of a checkerboard square in panel pixels: wide beside the blur, with enough corners
-        /// for a spline.
+        /// Side of a checkerboard square in panel pixels: wide compared with the blur, with enough
+        /// corners for a spline.
         checker_square_px: usize, Whole(4, 400), Never;
         /// Columns of the lens model's grid of functions. 48 functions suffice; 192 gain nothing.
         function_columns: usize, Whole(1, 64), Means("8");
@@ -230,7 +230,7 @@ words! {
     pub enum OperatingPoint {
         /// The fastest with 90 % of the highest gain in SSIM, PSNR and, in colour, ΔE at edges.
         Fast = "fast",
-        /// The fastest with 98 % of it.
+        /// The fastest with 98 % of the highest gain.
         Balanced = "balanced",
         /// The highest gain, with block matching, at any cost.
         Best = "best",

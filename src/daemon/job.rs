@@ -58,7 +58,7 @@ enum JobError {
     #[error("{}", .0.message_for_owner())]
     NotDurable(FileError),
     #[error(
-        "{photo}: the program ended while it worked on this photo: found {attempts} such \
+        "{photo}: the program ended while it was working on this photo: found {attempts} such \
          attempts, allowed {ATTEMPTS_MAX}"
     )]
     Interrupted { photo: String, attempts: u32 },

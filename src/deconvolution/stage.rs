@@ -18,12 +18,13 @@ impl ResultStage {
     /// Explanation, for the user, of why the result is of this stage.
     pub const fn reason(self) -> &'static str {
         match self {
-            ResultStage::Photo => "the photo is blank: nothing in it rises above its noise",
+            ResultStage::Photo => "the photo is blank: it shows no detail above its noise",
             ResultStage::LensModel => {
-                "the measured lens explains the photo; captures found nothing to correct"
+                "the measured lens explains the photo; captures showed nothing to correct"
             }
             ResultStage::Captures => {
-                "captures showed what the measured lens misses, and it was corrected"
+                "captures showed errors of the measured lens, and the result was corrected for \
+                 them"
             }
         }
     }

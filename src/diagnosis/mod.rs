@@ -228,8 +228,8 @@ impl MeasuredTiming {
         }
         if self.white_share < WHITE_MIN {
             all.push(format!(
-                "white gives {:.1} % of the largest count, allowed {:.0} or more: camera.bits may \
-                 be more than the sensor has, or the exposure too short, or the aperture too small",
+                "white reaches {:.1} % of the largest count, allowed {:.0} or more: camera.bits \
+                 may exceed the sensor's, the exposure may be too short, or the aperture too small",
                 100.0 * self.white_share,
                 100.0 * WHITE_MIN
             ));
@@ -305,7 +305,7 @@ mod tests {
         };
         let faults = timing.faults();
         assert_eq!(faults.len(), 1, "{faults:?}");
-        assert!(faults[0].contains("camera.bits may be more"), "{faults:?}");
+        assert!(faults[0].contains("camera.bits may exceed"), "{faults:?}");
         assert!(MeasuredTiming { white_share: 0.8, ..timing }.faults().is_empty());
     }
 }

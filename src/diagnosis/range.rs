@@ -72,7 +72,7 @@ impl MeasuredRange {
         };
         Some(format!(
             "clipped range: the codes {alike} look alike; set the monitor's HDMI range (black \
-             level) to full, or use a computer's mode such as 2560×1440"
+             level) to full, or choose a PC video mode such as 2560×1440"
         ))
     }
 }

@@ -51,7 +51,10 @@ pub enum CalibrateError {
         100.0 * .0, 100.0 * RESIDUAL_MAX
     )]
     TooSoon(f64),
-    #[error("moving: {0}, allowed {1}; bolt panel and camera down and let the table rest")]
+    #[error(
+        "the rig is not steady: {0}, allowed {1}; bolt down panel and camera, and keep the \
+             table still"
+    )]
     Moving(String, String),
     #[error("wrong focus: {0}, allowed {1}; focus the camera on the panel")]
     WrongFocus(String, String),

@@ -122,7 +122,7 @@ pub(super) fn repeats(difference: f64, noise: f64) -> Result<(), CalibrateError>
     let allowed = 1.5 * std::f64::consts::SQRT_2 * noise;
     if difference > allowed {
         let found =
-            format!("light changed by {difference:.2} grey levels RMS between equal pictures");
+            format!("two captures of the same picture differ by {difference:.2} grey levels RMS");
         return Err(CalibrateError::Moving(found, format!("{allowed:.2}")));
     }
     Ok(())

@@ -221,7 +221,7 @@ fn recentre(
     let moved = lens_blur::displacement(functions, calibration.photo, domain, pixel_px);
     // Functions that do not exceed the noise have no centroid.
     let moved = moved.map_err(|_| {
-        let found = "the lens functions do not stand out of the noise".to_owned();
+        let found = "the lens functions are lost in the noise".to_owned();
         CalibrateError::WrongFocus(found, "functions above three times the noise".to_owned())
     })?;
     calibration.geometry = calibration.geometry.recentred(&moved).map_err(fit)?;

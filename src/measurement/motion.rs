@@ -75,7 +75,7 @@ mod tests {
         ];
         for (places, far, fast) in cases {
             let found = refusal(places).expect("a refusal");
-            let words = [far, fast, "allowed 2 px and 0.5 px", "bolt panel and camera down"];
+            let words = [far, fast, "allowed 2 px and 0.5 px", "bolt down panel and camera"];
             assert!(words.iter().all(|words| found.contains(words)), "{found}");
         }
         assert!(refusal(&[(8, 0.0, 0.0), (9, f64::INFINITY, 0.0)]).is_some());

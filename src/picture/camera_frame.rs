@@ -34,7 +34,7 @@ pub fn camera_frame(bytes: &[u8], size: Size) -> Result<Counts, Flaw> {
     if raster.size != size || !has_all() {
         return Err(Flaw::Damaged {
             kind: "JPEG",
-            found: format!("a frame of {}, or codes for less than it", raster.size),
+            found: format!("a frame of {}, or one with blocks missing", raster.size),
             allowed: format!("a whole frame of {size}"),
         });
     }

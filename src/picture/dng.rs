@@ -244,7 +244,9 @@ impl Directory<'_> {
             || !size.width.checked_mul(size.height).is_some_and(holds)
         {
             let found = format!("a picture of {size}");
-            return Err(self.file.damaged(&found, "at least 2×2 and no more than 4 GiB hold"));
+            return Err(self
+                .file
+                .damaged(&found, "at least 2×2 and no more sites than 4 GiB hold"));
         }
         let bits = self.number(BITS_PER_SAMPLE)?.unwrap_or(1);
         if !blocks::BITS.contains(&bits) {

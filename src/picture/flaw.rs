@@ -54,8 +54,8 @@ pub enum Flaw {
     Unsupported { kind: &'static str, found: String, allowed: &'static str },
     /// The decoder refused the file, or panicked.
     #[error(
-        "the {kind} data cannot be decoded, allowed are whole and valid files; copy the file \
-         again, or save it anew in an image program"
+        "the {kind} data cannot be decoded: found an incomplete or invalid file, allowed whole and \
+         valid ones; copy the file again, or save it anew in an image program"
     )]
     Undecodable { kind: &'static str },
     /// The result would be smaller than the photo, which the rig file forbids.
@@ -67,8 +67,9 @@ pub enum Flaw {
     Larger { found: Size, allowed: Size },
     #[error(
         "the photo does not have this rig's shape: found {found}{held}, allowed {allowed} or the \
-         same shape at another size; take the photo again in that shape, not cropped: the lens's \
-         blur differs from place to place, and a crop does not state its place"
+         same shape at another size; take the photo again in that shape and do not crop it: the \
+         lens's blur varies across the sensor, and a cropped file does not record which part it \
+         shows"
     )]
     Shape { found: Size, held: &'static str, allowed: Size },
     /// A raw photo of another size than the rig's sensor and photo.

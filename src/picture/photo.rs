@@ -263,8 +263,8 @@ impl Photo {
             let ours = self.camera.as_ref().is_some_and(|camera| camera.setting.is_some());
             if self.raw.is_some() && found != sensor && !ours {
                 self.notes.push(format!(
-                    "the photo does not state where its {found} sites lie on the sensor; they \
-                     were taken for the rig's photo"
+                    "the raw photo does not record which part of the sensor its {found} sites are; \
+                     they were taken for the rig's photo"
                 ));
             }
             return Ok(self);
@@ -325,8 +325,10 @@ impl Photo {
         let kept = rect.size;
         // `stored` is compared to find lost resolution, of which a cut loses none.
         self.stored = kept;
-        self.losses
-            .push(format!("{kept} of the sensor's {all} are the rig's photo; the rest is cut"));
+        self.losses.push(format!(
+            "the photo was cropped from the whole sensor, {all}, to the rig's photo, \
+                           {kept}"
+        ));
     }
 
     /// Why a photo with fewer pixels than the rig's is returned as it is; `None` for others.
@@ -335,8 +337,8 @@ impl Photo {
         (found.area() < allowed.area()).then(|| {
             format!(
                 "the photo has fewer pixels than this rig's photos, {found} in place of {allowed}: \
-                 enlarged, its own blur and blocks would pass for the lens's; drop the photo as \
-                 the camera took it"
+                 if it were enlarged, its own blur and blocks would be taken for the lens's blur; \
+                 drop the camera's original file"
             )
         })
     }

@@ -97,7 +97,7 @@ impl PngColours {
                 let found = format!("colours coded as {primaries}, {transfer}, {matrix}, {full}");
                 known.map(Some).ok_or(Flaw::Unsupported {
                     kind: "PNG",
-                    found: format!("{found} (cICP), as of pictures for bright screens"),
+                    found: format!("{found} (cICP), which are used for bright (HDR) screens"),
                     allowed: "colours of ordinary screens; save it as sRGB in an image program",
                 })
             }

@@ -284,7 +284,7 @@ fn stage_of(solved: &Solved) -> (ResultStage, String) {
         (0, None, captures) => {
             let name = solved.about.name;
             let reason = format!(
-                "the method `{name}` solves by captures, {captures} of them; the result was not \
+                "the method `{name}` worked from {captures} captures; its result was not \
                  photographed"
             );
             (ResultStage::Captures, reason)

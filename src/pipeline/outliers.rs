@@ -30,8 +30,8 @@ impl Outliers {
     /// Sentence for the user.
     pub fn note(&self) -> String {
         format!(
-            "{:.1} % of the photo shows what no scene gives through this lens, such as a date \
-             stamp, a reflection or a retouched place: these parts are as they were",
+            "{:.1} % of the photo cannot have come through this lens, such as a date stamp, a \
+             reflection or a retouched place; these parts are unchanged",
             100.0 * self.share()
         )
     }

@@ -201,8 +201,8 @@ impl Pipeline {
             let factor = own[green].sigma(mean[green]) / one;
             if factor > 1.0 {
                 photo.notes.push(format!(
-                    "the photo has about {factor:.0} times the noise of this rig's sensor as it \
-                     was measured, as at a higher gain: it is restored by that"
+                    "the photo has about {factor:.0} times the measured noise of this rig's \
+                     sensor, as at a higher gain; it is restored with that noise"
                 ));
             }
             photo.observation.dark_light = own.map(|noise| noise.dark_light());

@@ -28,8 +28,8 @@ pub(super) fn plausible_noise(raw: RawSites, own: &[Noise; 3]) -> (RawSites, Opt
     let share = |n: usize| power_share(stated[n], &own[n]);
     if (0..3).all(|n| PLAUSIBLE_POWER.contains(&share(n))) {
         let note = format!(
-            "by its file the photo has {:.2} of one exposure's noise: it is restored by {:.2} of \
-             it, for the lens model's error does not average out",
+            "the file states {:.2} of one exposure's noise; {:.2} is used, because averaging does \
+             not reduce the lens model's error",
             share(1).sqrt(),
             AVERAGED_MIN.sqrt()
         );

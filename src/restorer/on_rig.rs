@@ -160,9 +160,9 @@ impl OnRig {
 }
 
 /// Reason for returning a photo in portrait unchanged.
-const UPRIGHT: &str = "the photo is stored upright, which leaves open how the camera was turned, \
-    and does not show the pattern of this camera's pixels, which would decide it; drop it as the \
-    camera stored it, or as a photo in landscape";
+const UPRIGHT: &str = "the photo is in portrait, and neither its file nor the pattern of this \
+    camera's pixels shows which way the camera was turned; drop the camera's original file, or \
+    turn the photo to landscape";
 /// Note for a photo that was turned after it was taken.
 const TURNED: &str = "the photo was turned after it was taken, as the pattern of the camera's \
     pixels shows: it is restored from its decoded pixels";
@@ -207,8 +207,8 @@ impl OnRig {
             let by = self.config.camera.binning;
             let (x, y) = (by * from.0, by * from.1);
             outcome.notes.push(format!(
-                "the photo is a part of the rig's, from its column {x} and row {y} on, as the \
-                 pattern of the camera's pixels shows"
+                "the photo was cropped: by the pattern of the camera's pixels, its upper left \
+                 corner is column {x}, row {y} of the rig's photo"
             ));
         }
         outcome.notes.extend(self.remove_vignetting(&mut outcome.picture, from));

@@ -59,7 +59,7 @@ pub fn load(slots: &Path, rig: &config::RigFile) -> Result<Option<Chosen>, Opera
     let found = of(&point.rig, point.chosen.operating_point.name());
     let allowed = of(&identity(rig), wanted.name());
     if found != allowed {
-        let what = format!("{} is of {found}; allowed is {allowed}", path.display());
+        let what = format!("{} was chosen for {found}; allowed is {allowed}", path.display());
         return Err(unusable(what));
     }
     if !point.chosen.setting.is_sane() {
@@ -173,7 +173,7 @@ mod tests {
         rig.restore.operating_point = Some(OperatingPoint::Best);
         assert!(refused(slots, &rig).contains("for `fast`; allowed is rig"));
         rig.identity ^= 1;
-        assert!(refused(slots, &rig).contains("is of rig"));
+        assert!(refused(slots, &rig).contains("was chosen for rig"));
         rig.restore.operating_point = None;
         assert_eq!(load(slots, &rig).unwrap(), None);
     }

@@ -55,9 +55,9 @@ pub(super) fn unlisted_camera(config: &RigFile, camera: Option<&PhotoCamera>) ->
     let is_ours = *found == dng::camera_of(&config.name);
     (!allowed.is_empty() && !is_ours && !allowed.iter().any(holds)).then(|| {
         format!(
-            "the photo is of another camera by its file: found {found:?}, allowed names with {} \
-             by photo.cameras in the rig file; drop photos taken through the rig's lens, or add \
-             their camera there",
+            "the file names another camera: found {found:?}, allowed names that contain {} \
+             (photo.cameras in the rig file); drop photos taken through the rig's lens, or add the \
+             camera to photo.cameras",
             allowed.iter().map(|part| format!("{part:?}")).collect::<Vec<_>>().join(" or ")
         )
     })
@@ -75,8 +75,8 @@ fn other_setting(what: &str, found: &str, allowed: &str) -> Flaw {
 pub(super) fn camera_note(config: &RigFile, camera: Option<&PhotoCamera>) -> Option<String> {
     let of_another = |file: &str| {
         Some(format!(
-            "{file}: the photo is restored as this rig's camera's, whose size and filters it has, \
-             at the panel's focus unless it shows another"
+            "{file}; its size and colour filters are those of this rig's camera, so it is restored \
+             as that camera's photo, at the panel's focus unless the photo shows another"
         ))
     };
     match camera {
@@ -124,7 +124,9 @@ mod tests {
             assert_eq!(why(&rig, ours), None, "{ours}");
         }
         let words = why(&rig, "Apple iPhone 6").unwrap();
-        assert!(words.contains(r#"found "Apple iPhone 6", allowed names with "IMX296" or "#));
+        assert!(
+            words.contains(r#"found "Apple iPhone 6", allowed names that contain "IMX296" or "#)
+        );
         assert!(why(&rig, "relens another").unwrap().contains("photo.cameras in the rig file"));
     }
 }

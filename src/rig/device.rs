@@ -123,7 +123,7 @@ pub enum RigError {
     Held { device: &'static str, what: String },
     #[error("the {device} failed to {doing}")]
     Failed { device: &'static str, doing: &'static str, source: std::io::Error },
-    #[error("the {device} cannot do what the rig file asks: found {found}, allowed {allowed}")]
+    #[error("the {device} does not fit the rig file: found {found}, allowed {allowed}")]
     Refused { device: &'static str, found: String, allowed: String },
 }
 

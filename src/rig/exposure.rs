@@ -350,7 +350,7 @@ impl Devices {
                 return None;
             }
             self.rejected.another += 1;
-            return Some("a frame with a mark that should be gone".to_owned());
+            return Some("a frame that still shows the frame mark after it was removed".to_owned());
         }
         let reading = marks.read(&exposed.counts);
         match reading {

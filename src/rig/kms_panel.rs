@@ -72,7 +72,12 @@ impl KmsPanel {
         for capability in [drm::ClientCapability::UniversalPlanes, drm::ClientCapability::Atomic] {
             card.set_client_capability(capability, true).map_err(|_| {
                 let found = "a display driver without atomic mode setting";
-                RigError::refused("panel", found, "one with it, as of every current graphics chip")
+                RigError::refused(
+                    "panel",
+                    found,
+                    "a driver with it, which every current graphics \
+                                   chip has",
+                )
             })?;
         }
         let connector = card.connector(name)?;
@@ -319,8 +324,8 @@ fn find_pipe(card: &Card, connector: &connector::Info) -> Result<Pipe, RigError>
             }
         }
     }
-    let found = format!("no pipe of the display hardware reaches {connector}");
-    Err(RigError::refused("panel", found, "a connector with a free pipe"))
+    let found = format!("no display controller (CRTC) that can drive {connector}");
+    Err(RigError::refused("panel", found, "a connector with a free display controller"))
 }
 
 fn new_buffer(card: &Card, size: Size) -> Result<PictureBuffer, RigError> {

@@ -165,8 +165,8 @@ fn fit_dots(
     }
     Err(RigError::NoMarks {
         what: format!(
-            "dots shown at {} places were seen {} times, and no five of them lie as on a flat \
-             panel. Is the panel in view and lit, and the camera's exposure right?",
+            "of dots shown at {} places {} were seen, but no five of them fit a flat panel. \
+             Is the panel in view and lit, and the camera's exposure right?",
             places.len(),
             dots.len()
         ),
@@ -271,7 +271,7 @@ mod tests {
         for late in 1..4 {
             let found = find_marks(place(), Size::new(240, 180), &mut camera(late));
             let Err(RigError::NoMarks { what }) = found else { panic!("{late} late: {found:?}") };
-            assert!(what.contains("no five of them lie as on a flat panel"), "{late} late: {what}");
+            assert!(what.contains("no five of them fit a flat panel"), "{late} late: {what}");
         }
     }
 }

@@ -103,7 +103,7 @@ fn a_part_of_the_sensor_is_restored_in_its_place() {
         for is_jpeg in [false, true] {
             let (outcome, seen) = restored(&mut restorer, &rig, &part, is_jpeg);
             assert_eq!(outcome.verdict, Verdict::Sound, "{place:?}: {}", outcome.reason);
-            let words = format!("from its column {x} and row {y} on");
+            let words = format!("column {x}, row {y} of the rig");
             assert!(outcome.notes.iter().any(|note| note.contains(&words)), "{:?}", outcome.notes);
             if !is_jpeg {
                 // Beyond the lens's reach a cut changes nothing.

@@ -80,8 +80,8 @@ pub(super) fn card(html: &mut String, photo: &GalleryPhoto<'_>, up: &str) {
     }
     if !report.left_as_they_were.is_empty() {
         html.push_str(
-            "<p class=\"quiet\">Outlined parts are as in the photo: no scene gives them through \
-             this lens.</p>\n",
+            "<p class=\"quiet\">Outlined parts are unchanged: this lens cannot have taken them. \
+             They may be a date stamp, a reflection or a retouched place.</p>\n",
         );
     }
     if let Some((class, words)) = describe_confirmation(report) {

@@ -30,7 +30,7 @@ const TRY_AGAIN: &str = "Press the button to try again at once.";
 
 /// Reason to hold photos because the panel was not put before the lens.
 const POSTPONED: &str =
-    "the photos are postponed until the next photo: press the button to take it";
+    "the waiting photos will be restored after the next photo: press the button to take one";
 
 /// The last photo, for the panel.
 struct LastResult {

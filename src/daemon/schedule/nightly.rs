@@ -145,8 +145,8 @@ impl<'a> Nightly<'a> {
             }
             Trust::NotSet => Some("no network has set the clock yet"),
             Trust::Past => Some(
-                "the clock shows a time before one that it showed already: set it; if \
-                             it is right now, let the network set it",
+                "the clock shows an earlier time than before: set it; if the time is correct now, \
+                 let the network set it",
             ),
         };
         if let Some(why) = unknown {

@@ -14,7 +14,7 @@ impl LensModel {
         let Size { width, height } = self.canvas;
         if !width.is_multiple_of(2) || !height.is_multiple_of(2) {
             return Err(LensModelError(format!(
-                "has a canvas of {}; even sides can be binned",
+                "has a canvas of {}; binning by two needs even sides",
                 self.canvas
             )));
         }

@@ -341,8 +341,8 @@ pub(crate) fn check_halos(halos: &[Halo]) -> Result<(), String> {
     let share: f32 = halos.iter().map(|halo| halo.share).sum();
     if halos.len() > HALOS_MAX || !halos.iter().all(sound) || share > SHARE_MAX {
         return Err(format!(
-            "broad light of {halos:?}; at most {HALOS_MAX} halos of 1 to 10000 px are allowed, \
-             together at most {SHARE_MAX}"
+            "broad light of {halos:?}; allowed are at most {HALOS_MAX} halos with radii of 1 to \
+             10000 px and together at most {SHARE_MAX} of the light"
         ));
     }
     Ok(())

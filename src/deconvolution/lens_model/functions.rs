@@ -64,11 +64,11 @@ impl LensFunctions {
         let refused = |found: String| Err(LensModelError(found));
         if rows == 0 || columns == 0 {
             return refused(format!(
-                "has {rows} rows of {columns} functions; at least one of one is allowed"
+                "has a grid of {columns}×{rows} functions; at least 1×1 is allowed"
             ));
         }
         if support_px.is_multiple_of(2) {
-            return refused(format!("has functions {support_px} px wide; an odd width is allowed"));
+            return refused(format!("has functions {support_px} px wide; the width must be odd"));
         }
         // Sizes come from a file; an overflow must not wrap to a valid number.
         let wanted =
@@ -77,13 +77,13 @@ impl LensFunctions {
             let (taps, name) = (&self.taps[channel.index()], channel.name());
             if taps.len() != wanted {
                 return refused(format!(
-                    "has {} taps in {name}; {wanted} make its grid",
+                    "has {} taps in {name}; its grid needs {wanted}",
                     taps.len()
                 ));
             }
             if let Some(place) = taps.iter().position(|t| !t.is_finite()) {
                 return refused(format!(
-                    "has tap {place} in {name} not finite; finite numbers are allowed"
+                    "has an invalid tap in {name}: number {place} is not finite"
                 ));
             }
         }

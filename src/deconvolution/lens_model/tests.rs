@@ -193,10 +193,10 @@ fn invalid_functions_are_refused() {
     let mut functions = random_functions(2, 2, 3, 1);
     functions.taps[1].pop();
     let refused = LensModel::new(Size::new(8, 8), 0, &functions).unwrap_err();
-    assert_eq!(refused.to_string(), "the lens model has 35 taps in green; 36 make its grid");
+    assert_eq!(refused.to_string(), "the lens model has 35 taps in green; its grid needs 36");
     let even = random_functions(2, 2, 4, 1);
     let refused = even.check().unwrap_err().to_string();
-    assert_eq!(refused, "the lens model has functions 4 px wide; an odd width is allowed");
+    assert_eq!(refused, "the lens model has functions 4 px wide; the width must be odd");
     let mut model = LensModel::new(Size::new(8, 8), 0, &random_functions(1, 1, 3, 1)).unwrap();
     assert!(model.set_taps(Channel::Red, &[f32::NAN; 9]).is_err());
     assert!(model.functions().taps[0].iter().all(|t| t.is_finite()));

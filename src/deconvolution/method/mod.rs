@@ -107,7 +107,7 @@ pub struct NoOptics {
 
 /// The error of a capture that was requested without a camera.
 #[derive(Debug, Clone, Copy, thiserror::Error)]
-#[error("a capture was requested, and there is no camera")]
+#[error("a capture was requested, but there is no camera")]
 pub struct NoCamera;
 
 impl crate::remedy::Remediable for NoCamera {

@@ -65,7 +65,7 @@ pub(crate) fn coefficients(bytes: &[u8]) -> Result<Option<Coding>, Flaw> {
         Err(Unread::Kind) => return Ok(None),
         Ok(_) => "codes for another number of blocks than the picture has".to_owned(),
         Err(Unread::Broken(unit, units)) => {
-            format!("codes without meaning after {unit} of {units} blocks of a scan")
+            format!("invalid codes after {unit} of {units} coding units of a scan")
         }
     };
     Err(damaged(&found, "codes for the whole picture"))

@@ -95,21 +95,22 @@ pub(super) const FILLED_IN: f32 = 0.5;
 
 // Why photos are returned as they are.
 
-pub(in crate::pipeline) const NOTHING_BUT_NOISE: &str = "from pixel to pixel the photo changes as \
-    much as anywhere, which no lens lets through; it is dithered, screened as in print, or hardly \
-    anything but noise";
+pub(in crate::pipeline) const NOTHING_BUT_NOISE: &str = "neighbouring pixels of the photo differ \
+    as much as distant ones, which no lens produces; it is dithered, screened as in print, or \
+    almost pure noise";
 pub(in crate::pipeline) const ANOTHER_SENSOR: &str = "the photo does not show the pattern of this \
     camera's pixels: another camera took it, or it was resized or cut since; with \
     response-flats = 0 in the rig file and a new calibration, such photos are restored";
-pub(in crate::pipeline) const NOT_CONFIRMED: &str = "photographed through the lens again, its \
-    restoration differs from it, and the photo does not show the pattern of this camera's pixels: \
-    another camera may have taken it, or it is too small or too strongly compressed to tell";
+pub(in crate::pipeline) const NOT_CONFIRMED: &str = "the restored picture, photographed through \
+    the lens, differs from the photo, and the photo does not show the pattern of this camera's \
+    pixels: another camera may have taken it, or it is too small or too strongly compressed to \
+    tell";
 pub(in crate::pipeline) const UNPLACED: &str = "the photo is a part of what this rig's camera \
     takes, and does not show the pattern of its pixels clearly enough to tell which part; drop the \
     photo as the camera took it";
-pub(in crate::pipeline) const SHARPER: &str = "the photo is far sharper than the measured lens \
-    makes any, as a lens stopped down or another one does, and a restoration would overshoot; \
+pub(in crate::pipeline) const SHARPER: &str = "the photo is far sharper than the measured lens can \
+    make it: the lens was stopped down, or it is another one, and a restoration would overshoot; \
     calibrate at the aperture that you photograph with";
 /// Reason if neither the result nor the reference solution explains more than the photo itself.
-pub(super) const NOTHING_GAINED: &str = "what the lens did to this photo cannot be told from the \
-    photo's noise; any restoration would be made of that noise";
+pub(super) const NOTHING_GAINED: &str = "the blur of this photo cannot be distinguished from its \
+    noise; a restoration would only amplify that noise";

@@ -75,7 +75,7 @@ pub const WITNESSES: [WitnessRow; 8] = [
         suspect_above: None,
         harm_above: Some(DISTANCE),
         sentence: "the result was too far from what the measured lens alone makes of the photo \
-                   ({found} as far as the photo itself, allowed {allowed})",
+                   ({found} of the photo's own distance, allowed {allowed})",
     },
     WitnessRow {
         name: "colour distance",
@@ -83,8 +83,8 @@ pub const WITNESSES: [WitnessRow; 8] = [
         measure: |case| compared(case)?.by_colour(),
         suspect_above: None,
         harm_above: Some(DISTANCE),
-        sentence: "the result was too far in colour from what the measured lens alone makes of \
-                   the photo ({found} as far as the photo itself, allowed {allowed})",
+        sentence: "the result was too far in colour from what the measured lens alone makes of the \
+                   photo ({found} of the photo's own distance, allowed {allowed})",
     },
     WitnessRow {
         name: "dots of colour",
@@ -93,7 +93,7 @@ pub const WITNESSES: [WitnessRow; 8] = [
         suspect_above: Some(DOTTED),
         harm_above: Some(DOTTED),
         sentence: "the colours of the result alternated from pixel to pixel where its lightness \
-                   did not, as of a photo out of focus",
+                   did not, as happens when a photo is out of focus",
     },
     WitnessRow {
         name: "grain",
@@ -101,7 +101,7 @@ pub const WITNESSES: [WitnessRow; 8] = [
         measure: measures::grain,
         suspect_above: Some(GRAIN),
         harm_above: Some(GRAIN),
-        sentence: "the flat parts of the result were grainier than the photo's ({found} what is \
-                   seen, allowed {allowed})",
+        sentence: "the flat parts of the result were grainier than the photo's ({found} the \
+                   visible amount, allowed {allowed})",
     },
 ];

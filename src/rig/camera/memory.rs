@@ -13,7 +13,7 @@ pub(super) fn refused(found: impl Into<String>, allowed: impl Into<String>) -> R
 
 /// Error of a camera that was lost and has not been reopened.
 pub(super) fn not_open() -> RigError {
-    gone("it was lost and is not open")
+    gone("it was disconnected and has not been reopened")
 }
 
 /// Memory for frames and Bayer sites, reused by captures.

@@ -26,7 +26,7 @@ pub(super) fn refuse_forbidden(root: &Path) -> Result<(), RigError> {
         let node = root.join(format!("dev/bus/usb/{bus:03}/{device:03}"));
         if rustix::fs::access(&node, Access::READ_OK | Access::WRITE_OK).is_err() {
             return Err(refused(
-                format!("a USB3 Vision camera at {}, closed to this user", node.display()),
+                format!("a USB3 Vision camera at {} that this user may not open", node.display()),
                 "one that the user may read and write: the udev rule for USB3 Vision in \
                  70-relens.rules, and the group `video`",
             ));

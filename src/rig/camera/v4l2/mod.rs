@@ -269,7 +269,7 @@ fn start(settings: &CameraSettings) -> Result<(Ring, Opened), RigError> {
     // A board's sensor delivers unprocessed counts, so it needs none of these controls.
     if sensor.is_none() && !missing.is_empty() {
         log::warn!(
-            "the camera has no control of {}; its own adjustments remain active",
+            "the camera has no control for {}; its automatic adjustment stays on",
             missing.join(", ")
         );
     }
@@ -328,7 +328,7 @@ fn settle_format(node: &Node, settings: &CameraSettings) -> Result<sys::v4l2_pix
     let (code, range) =
         (String::from_utf8_lossy(&code), if full_range { ", full range" } else { "" });
     let allowed = format!(
-        "what the driver offers instead ({code} of {width}×{height}{range}); it lists {}",
+        "the format that the driver chose ({code} of {width}×{height}{range}); it lists {}",
         node.formats().join(", "),
     );
     Err(refused(settings.picture(), allowed))

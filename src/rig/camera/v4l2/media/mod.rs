@@ -98,7 +98,7 @@ fn set_links(device: &MediaDevice, graph: &Graph, wanted: &[MediaLink]) -> Resul
         let flags = (way.flags & !ENABLED) | if on { ENABLED } else { 0 };
         device.set_link(from, to, flags).map_err(|source| match is(&source, Errno::BUSY) {
             true => busy_or(source, "set a link of its media graph"),
-            false => refusal(&format!("other links (the driver reports: {source})")),
+            false => refusal(&format!("a link that the driver accepts (it reports: {source})")),
         })?;
     }
     Ok(())
