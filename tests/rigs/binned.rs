@@ -56,7 +56,7 @@ fn restored(folder: &Path, binning: usize) -> Vec<(Photo, Outcome, [f64; 2])> {
     part.light = part.light.crop(place);
     part.stored = place.size;
     let outcome = restorer.restore(&part).unwrap();
-    let is_known = outcome.notes.iter().any(|note| note.contains("column 0 and row 48 on"));
+    let is_known = outcome.notes.iter().any(|note| note.contains("column 0, row 48 of the rig"));
     assert!(is_known, "{binning}: {}", outcome.reason);
     assert_eq!(outcome.delivered(&part).size(), place.size);
     let file = config::load(&path).unwrap();

@@ -3,7 +3,8 @@
 //!
 //! The rig is calibrated without the fault, which is then made to the rig, the photo or the method.
 //! Imperfections of the rig itself ([`crate::truths`]) are present at calibration. The limits of
-//! judging were set on whole scenes; the sweep takes quarters of two of them, with other seeds.
+//! judging were set on whole scenes; the sweep takes quarters of two of them, with other seeds. It
+//! set only the limits on what no scene gives (`tests/tables/judging.md`).
 
 mod cells;
 pub(crate) mod kept;
@@ -102,19 +103,20 @@ fn made(rig: &RigFile, found: &Found) -> Made {
             Sense::Colour => format!("a mean ΔE (CIEDE2000) more than {HARM_IN_COLOUR} above"),
         };
         let caption = format!(
-            "The strength at which a method begins to do harm: {begins} the untouched photo's; \
-             {about}. In brackets: how many of the harmful results there the box noticed. A dash: \
-             the fault cannot touch the method. The paper's method is tried at the fourth strength."
+            "Strength at which a method begins to do harm: {begins} the untouched photo's; {about}. \
+             In brackets: how many of the harmful results at that strength the box noticed. A dash: \
+             the fault does not concern the method. The paper's method is tried at the fourth \
+             strength."
         );
         harm_table(caption, &cells, found, sense)
     };
     let rates = format!(
-        "How often noticing goes wrong, rig {}; views and seeds that no limit was set on. \
-         Healthy: results without a fault that do no harm; more of them than in the map, from {} \
-         views and other seeds. Costly: those whose replacement was less good. Harmful: in luma, \
-         and in the last columns in colour. By lens alone, by the photo: what caught results were \
-         replaced by. Gain given up: results under a fault that did no harm and were replaced by \
-         something less good.",
+        "Rates of wrong verdicts, rig {}. Its views and seeds set no limit but those on what no \
+         scene gives. Healthy: harmless results without a fault, from {} views and more seeds than \
+         in the map. False alarms: healthy results that were replaced; costly: by something less \
+         good. Harmful: results worse than the photo in luma, in the last columns in colour. By \
+         lens alone, by the photo: what replaced the harmful results that were noticed. Gain given \
+         up: harmless results under a fault that were replaced by something less good.",
         rig.name,
         VIEWS.len()
     );
