@@ -103,10 +103,10 @@ fn made(rig: &RigFile, found: &Found) -> Made {
             Sense::Colour => format!("a mean ΔE (CIEDE2000) more than {HARM_IN_COLOUR} above"),
         };
         let caption = format!(
-            "Strength at which a method begins to do harm: {begins} the untouched photo's; {about}. \
-             In brackets: how many of the harmful results at that strength the box noticed. A dash: \
-             the fault does not concern the method. The paper's method is tried at the fourth \
-             strength."
+            "Strength at which a method begins to do harm: {begins} the untouched photo's; \
+             {about}. In brackets: how many of the harmful results at that strength the box \
+             noticed. A dash: the fault does not concern the method. The paper's method is tried \
+             at the fourth strength."
         );
         harm_table(caption, &cells, found, sense)
     };
