@@ -44,7 +44,7 @@ pub(super) fn check(found: Size, orientation: Orientation, grid: PhotoGrid) -> R
     let allowed = grid.photo.size;
     let held = match same_shape(Size::new(found.height, found.width), allowed) {
         true if swaps(orientation) => " stored on its side",
-        true => "in portrait, without a record of which way the camera was turned",
+        true => " in portrait, without a record of which way the camera was turned",
         false => "",
     };
     Err(Flaw::Shape { found, held, allowed })
