@@ -1,6 +1,6 @@
 //! A simulated builder follows the advice of `relens align` until the rig calibrates.
 
-// The functions below stop the test as it does itself.
+// Shared test functions may panic as tests do.
 #![allow(clippy::unwrap_used)]
 
 use std::ops::ControlFlow;
@@ -22,8 +22,8 @@ fn filtered() -> RigFile {
     rig
 }
 
-/// The same with the panel too far away, rotated, tilted and off centre, the lens focused far in
-/// front of it, and the exposure too short.
+/// The rig of [`filtered`] with the panel too far away, rotated, tilted and off centre, the lens
+/// focused far in front of it, and the exposure too short.
 fn misaligned() -> RigFile {
     let mut rig = filtered();
     if let Kind::Simulated(simulation) = &mut rig.kind {
@@ -45,7 +45,7 @@ fn calibrates(devices: &mut Devices, rig: &RigFile) -> Result<f32, String> {
     done.map(|calibration| calibration.operator_error[1]).map_err(|error| error.to_string())
 }
 
-/// A builder whose movements reach nine tenths of what was asked.
+/// A builder who carries out nine tenths of each movement advised.
 struct Builder {
     witness: Witness,
     pose: config::Pose,
@@ -70,7 +70,7 @@ impl Builder {
                 self.distance_mm *= times;
                 self.pose.sensor_px_per_panel_px /= times;
             }
-            // The advice has no angle: two degrees at a time until it ceases.
+            // The advice states no angle: two degrees at a time until it is no longer given.
             Action::Nearer([right, below]) => {
                 let step = |share: f64| if share == 0.0 { 0.0 } else { 2.0 * share.signum() };
                 self.pose.tilt_y_deg += step(right);
@@ -134,7 +134,7 @@ fn a_misaligned_rig_calibrates_after_following_the_advice() {
         assert!(steps < 60, "the advice never ends");
     }
     println!("{}", report.lines().join("\n"));
-    // Half the depth of focus of f/4 at 75 mm with sites of 40 µm, 0.16 mm behind the lens, in
+    // Half the depth of focus: 0.16 mm behind a lens of f/4 and 75 mm, with sites of 40 µm; in
     // dioptres.
     let panel = 1000.0 / builder.distance_mm;
     assert!((builder.focus_dioptres - panel).abs() < 0.16 / 75.0 / 75.0 * 1000.0 + 0.002);

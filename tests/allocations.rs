@@ -1,6 +1,6 @@
-//! A capture takes nothing from the heap: picture marked, shown, triggered, received and proven in
-//! memory that was there before. The devices here are memory, too; what the kernel's own cost is
-//! tested in `real_rig`.
+//! A capture allocates nothing: its picture is marked, shown, triggered, received and identified in
+//! memory allocated before. The devices here exist only in memory; allocations with the kernel's
+//! devices are tested in `real_rig`.
 
 mod counted;
 
@@ -13,7 +13,7 @@ use std::sync::{Arc, Mutex};
 const PANEL: Size = Size { width: 240, height: 180 };
 const SENSOR: Size = Size { width: 160, height: 128 };
 
-/// A panel, and a camera that sees the middle of it at once.
+/// A panel, and a camera that sees the panel's middle without delay.
 struct Bench {
     shown: Codes,
     now_s: f64,
@@ -105,7 +105,7 @@ fn a_capture_allocates_nothing() {
         let (exposed, allocations) = counted::allocations(|| rig.capture(&pictures[n % 2]));
         let exposed = exposed.unwrap_or_else(|error| panic!("{error}"));
         rig.camera.give_back(exposed.counts);
-        // The first frame is made; it goes round from then on.
+        // The first frame is allocated, and reused from then on.
         assert!(n == 0 || allocations == 0, "capture {n}: {allocations} allocations");
     }
 }

@@ -1,7 +1,7 @@
-//! Removal of the lens's vignetting by the built program: measured behind a diffuser, under a panel
-//! with darker corners of its own.
+//! Removal of the lens's vignetting by the built program. The vignetting is measured with a
+//! diffuser; the panel has darker corners of its own.
 
-// The functions below stop the test as it does itself.
+// Shared test functions may panic as tests do.
 #![allow(clippy::unwrap_used)]
 
 use std::path::Path;
@@ -15,7 +15,7 @@ use relens::picture::{Format, Limits, Manner, Photo, encode};
 use relens::rig::simulated;
 
 const SIZE: Size = Size::new(256, 192);
-/// Side of the corners compared.
+/// Side of the compared corners, pixels.
 const CORNER_PX: usize = 24;
 
 /// Runs relens in `folder`; returns its output.
@@ -51,13 +51,14 @@ fn results_have_the_scene_s_corner_brightness() {
     let rig = small.replace("thickness-mm = 25.0", "thickness-mm = 80.0");
     let rig = rig.replace("[sensor]\n", "[sensor]\nmosaic = \"rggb\"\n");
     let rig = rig.replace("[display]\n", "[display]\nuneven = true\n");
-    // Noise of the broad light moves the middle, by 0.4 % with single captures.
+    // Noise in the measured broad light changes the light of the middle, by 0.4 % with single
+    // captures.
     let rig = rig.replace("[calibration]\n", "[calibration]\ncaptures-averaged = 4\n");
     std::fs::write(folder.join("kept.toml"), &rig).unwrap();
     let asked = rig.replace("\n[restore]\n", "\n[restore]\nremove-vignetting = true\n");
     std::fs::write(folder.join("removed.toml"), &asked).unwrap();
-    // Sensor-sized with the photo in its middle; grey and far from black, so that neither mixed
-    // colours nor the veil pass for shading.
+    // A scene of the sensor's size with the photo in its middle. It is grey and far from black, so
+    // that neither mixed colours nor the veil are mistaken for shading.
     let coffee = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/scenes/coffee.png");
     let coffee = Photo::read(&coffee, Curve::Srgb, &Limits::default()).unwrap();
     let coffee = cut(&coffee.in_colour(), Size::new(288, 224));
@@ -70,7 +71,7 @@ fn results_have_the_scene_s_corner_brightness() {
     relens(&["calibrate", "--rig", "kept.toml"], folder);
     let shoot = ["shoot", "--rig", "kept.toml", "--scene", "scene.png", "-o", "photo.dng"];
     relens(&shoot, folder);
-    // Requested but not measured: noted, and the corners stay.
+    // Removal requested but vignetting not measured: a note says so, and corners stay dark.
     let restore = |rig: &str, more: &[&str]| {
         let words = ["restore", "--rig", rig, "--method", "digital", "photo.dng"];
         relens(&[&words, more].concat(), folder)
@@ -93,7 +94,7 @@ fn results_have_the_scene_s_corner_brightness() {
         ["kept.png", "removed.png", "again.png", "early.png"].map(|name| light(folder, name));
     assert_eq!(kept, early);
     for c in Channel::ALL {
-        // Relative to the middle, which a photo's exposure refers to.
+        // Light relative to the middle, which a photo's exposure refers to.
         let against = |picture: &Frame<Work>, truth: &Frame<Work>| {
             let (found, wanted) = (places(picture, c), places(truth, c));
             [0, 1, 2, 3].map(|n| found[n] / wanted[n] / (found[4] / wanted[4]))
@@ -107,7 +108,7 @@ fn results_have_the_scene_s_corner_brightness() {
         println!("  delivered without against the scene {delivered:.3?}");
         for n in 0..4 {
             assert!(lens[n] < 0.75, "the lens darkens: {lens:?}");
-            // The sensor's rim lacks some of a wider scene's veil.
+            // At the sensor's rim some of the veil that a wider scene would cause is missing.
             assert!((factor[n] / lens[n] - 1.0).abs() < 0.03, "{factor:?}, {lens:?}");
             for found in [delivered[0][n], delivered[1][n]] {
                 assert!((found - 1.0).abs() < 0.01, "{}: {delivered:?}", c.name());

@@ -1,8 +1,9 @@
-//! Photos read in worker processes: the same photos, and limits on the harm that a file can do.
+//! Photos read in worker processes equal those read here, and the harm that a file can do is
+//! limited.
 //!
-//! One test, for it measures the memory of its own process.
+//! There is only one test, because it measures the memory of its own process.
 
-// The functions below stop the test as it does itself.
+// Shared test functions may panic as tests do.
 #![allow(clippy::unwrap_used)]
 
 use std::fs::File;
@@ -45,7 +46,7 @@ fn read(worker: &Worker, path: &Path) -> Result<Photo, PictureError> {
     worker.photo(&name, File::open(path).unwrap(), &ReadOptions::new(RIG, Curve::Srgb))
 }
 
-/// A grey JPEG of 6400×4800 pixels in 0.4 MB, made without room for them.
+/// A grey JPEG of 6400×4800 pixels in 0.4 MB, made without memory for its pixels.
 fn bomb() -> Vec<u8> {
     let mut grey = Manner::plain(Format::Jpeg, 8, Curve::Srgb);
     grey.colour = ColorType::L8;
@@ -54,7 +55,7 @@ fn bomb() -> Vec<u8> {
     bytes[frame + 5..frame + 9].copy_from_slice(&[0x12, 0xc0, 0x19, 0x00]);
     let scan = bytes.windows(2).position(|w| w == [0xff, 0xda]).unwrap();
     bytes.truncate(scan + 2 + usize::from(bytes[scan + 3]));
-    // Four blocks like the one before: of six bits each by the usual codes (T.81, annex K.3).
+    // Four blocks equal to the one before, of six bits each with the usual codes (T.81, annex K.3).
     bytes.extend([0x28, 0xa2, 0x8a].repeat(6400 * 4800 / 64 / 4));
     bytes.extend([0xff, 0xd9]);
     bytes
@@ -67,7 +68,7 @@ fn peak_kib() -> u64 {
     line.trim().trim_end_matches(" kB").trim().parse().unwrap()
 }
 
-/// Returns each photo.
+/// Returns each photo unchanged.
 struct Returner;
 
 impl Restorer for Returner {
@@ -152,7 +153,7 @@ fn a_file_can_kill_its_worker_and_no_more() {
     let whole = |path: &Path| worker().whole("x", File::open(path).unwrap(), &Limits::default());
     assert!(whole(&path).is_err() && whole(&kept(folder, "bomb.jpg", &bomb())).is_ok());
 
-    // A camera's frame is read as here, and a cut one refused.
+    // A worker reads a camera's frame as this process does, and refuses a cut one.
     let frame = picture(&Manner::plain(Format::Jpeg, 8, Curve::Srgb), RIG);
     let here = relens::picture::camera_frame(&frame, RIG).unwrap();
     assert_eq!(worker().frame(&frame, RIG).unwrap(), here);
@@ -160,7 +161,7 @@ fn a_file_can_kill_its_worker_and_no_more() {
     assert!(words.contains("cut short"), "{words}");
     assert!(worker().frame(&bomb(), RIG).is_err(), "a frame of another size");
 
-    // A bomb takes half a gigabyte in its worker, and nothing here.
+    // A bomb takes half a gigabyte in its worker, and nothing in this process.
     let before = peak_kib();
     let photo = read(&worker(), &folder.join("bomb.jpg")).unwrap();
     assert_eq!(photo.stored, Size::new(6400, 4800));
@@ -168,8 +169,8 @@ fn a_file_can_kill_its_worker_and_no_more() {
     assert!(grown < 16 << 10, "the daemon's memory grew by {grown} KiB");
     println!("a 30-megapixel bomb of {} bytes: the daemon grew by {grown} KiB", bomb().len());
 
-    // A file that kills its worker gets three attempts, each recorded before, and then the next
-    // photo is restored.
+    // A file that kills its worker gets three attempts, each recorded before it begins; then the
+    // next photo is restored.
     let small = Worker { memory_bytes_max: 128 << 20, ..worker() };
     let died = read(&small, &folder.join("bomb.jpg")).unwrap_err();
     assert!(matches!(died, PictureError::Died { .. }), "{died}");
@@ -202,7 +203,8 @@ fn a_file_can_kill_its_worker_and_no_more() {
     let grown = peak_kib() - before;
     assert!(grown < 24 << 10, "the daemon's memory grew by {grown} KiB");
 
-    // Workers taken over by a file: one hangs, one lies, one never ends, one is missing.
+    // Workers taken over by a file: one hangs, one answers nonsense, one answers without end, one
+    // fails. The last worker's program is missing.
     for (script, wanted) in [
         ("exec sleep 100", "no answer within 1 s"),
         ("printf '\\005\\000\\000\\000abcde'", "an answer that cannot be read"),
@@ -219,7 +221,7 @@ fn a_file_can_kill_its_worker_and_no_more() {
     let error = read(&Worker::of(folder.join("nowhere")), &folder.join("bomb.jpg")).unwrap_err();
     assert_eq!(relens::remedy::Remediable::remedy(&error), Remedy::RetryLater, "{error}");
 
-    // Last, for the peak remains: read here, the bomb takes the memory here.
+    // Last, because the peak remains: read in this process, the bomb takes this process's memory.
     let before = peak_kib();
     Photo::read(&folder.join("bomb.jpg"), Curve::Srgb, &Limits::default()).unwrap();
     assert!(peak_kib() - before > 100 << 10, "the measurement above works");

@@ -27,8 +27,8 @@ fn aim_of(rig: &RigFile) -> Option<Aim> {
 fn sharpness_is_largest_where_the_panel_is_in_focus() {
     let rig = rig(|_| {});
     let (mut devices, mut witness) = simulated::open(&rig).unwrap();
-    // At f/4 with sites of 40 µm the depth of focus is 0.32 mm behind a lens of 75 mm: set to 4 m,
-    // panels from 3.6 to 4.5 m are in focus. The image is curved, hence the mean.
+    // A 75 mm lens at f/4 has a depth of focus of 0.32 mm on sites of 40 µm. Focused at 4 m, it
+    // shows panels from 3.6 to 4.5 m sharply. The mean is taken because the image is curved.
     let distances = [2600.0, 3100.0, 3600.0, 4000.0, 4500.0, 5500.0, 7500.0];
     let mut seen = Vec::new();
     for distance_mm in distances {
@@ -40,7 +40,7 @@ fn sharpness_is_largest_where_the_panel_is_in_focus() {
     }
     let best = (0..seen.len()).max_by(|&a, &b| seen[a].total_cmp(&seen[b])).unwrap();
     assert!((2..=4).contains(&best), "{seen:?}");
-    // It falls on both sides.
+    // Sharpness falls on both sides of the best distance.
     assert!(seen[0] < 0.8 * seen[best] && seen[6] < 0.8 * seen[best], "{seen:?}");
 }
 
@@ -72,7 +72,7 @@ fn tilt_shows_as_keystone() {
             simulation.pose.tilt_y_deg = tilt_y_deg;
         });
         let aim = aim_of(&rig).unwrap();
-        // The lens's image lies 75 mm behind it, on sites of 40 µm.
+        // The image lies 75 mm behind the lens, or 1875 sites of 40 µm.
         let sensor = rig.photo_grid().sensor;
         let tilt = |keystone: f64, side: usize| (keystone * 1875.0 / side as f64).atan();
         let right = tilt(aim.keystone[0], sensor.width).to_degrees();

@@ -318,7 +318,7 @@ mod tests {
     const PANEL: Size = Size::new(640, 480);
     const SQUARE: usize = 40;
 
-    /// Panel position of a sensor position: rotated, tilted, distorted.
+    /// Panel position seen at a sensor position, with rotation, tilt and distortion.
     fn truth(x: f64, y: f64) -> (f64, f64) {
         let (u, v) = (x - 200.0, y - 150.0);
         let (sin, cos) = 0.03f64.sin_cos();
@@ -354,7 +354,7 @@ mod tests {
     }
 
     fn first_guess() -> Affine {
-        // Inverse of the affine part of `truth`, as from three spots.
+        // Map from panel to sensor through three points of `truth`, as three spots give it.
         let seen = [(120.0, 100.0), (280.0, 100.0), (200.0, 220.0)];
         Affine::through(seen.map(|(x, y)| truth(x, y)), seen).unwrap()
     }

@@ -94,8 +94,8 @@ mod tests {
     use rand_distr::{Distribution, StandardNormal};
     use rand_xoshiro::Xoshiro256PlusPlus;
 
-    /// Two captures of columns of light with known noise, the second brighter and moved by half a
-    /// pixel; and the areas between the columns' edges.
+    /// Two captures of columns of light with known noise, and the areas between the columns' edges.
+    /// The second is brighter by the share `brighter` and, if `moved`, half a pixel to the side.
     fn captures(brighter: f32, moved: bool) -> ([Plane; 2], Vec<Rect>) {
         let size = Size::new(256, 256);
         let mut random = Xoshiro256PlusPlus::seed_from_u64(11);

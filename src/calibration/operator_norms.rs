@@ -75,7 +75,7 @@ mod tests {
     use crate::deconvolution::lens_model::LensFunctions;
     use crate::frame::Size;
 
-    /// A lens whose functions widen over the field, by a factor per channel.
+    /// A lens whose functions widen over the field, with a width factor for each channel.
     fn lens() -> LensModel {
         let taps = |factor: f32| {
             let mut taps = Vec::new();

@@ -67,7 +67,7 @@ mod tests {
             assert_eq!(blurred_by(sigma).binning_without_loss(1), by, "{sigma} px");
         }
         assert_eq!(blurred_by(4.0).binning_without_loss(4), 2);
-        // One sharper channel decides.
+        // The sharpest channel decides.
         let mut sharp = blurred_by(4.0);
         sharp.functions.taps[1] = blurred_by(1.5).functions.taps[1].clone();
         assert_eq!(sharp.binning_without_loss(1), 1);

@@ -130,7 +130,7 @@ mod tests {
     #[test]
     fn a_gamma_curve_with_a_toe_is_fitted() {
         let truth = |c: f64| 255.0 * (0.98 * (c / 255.0).powf(2.2) + 0.02 * c / 255.0);
-        // Errors of up to 0.2 of 255, as in glare.
+        // Errors of up to 0.2 of 255 grey levels, as glare causes them.
         let wrong = |n: u64| (n * 2_654_435_761 % 1000) as f64 / 2500.0 - 0.2;
         let readings = (0..3 * 52u64).map(|n| {
             let code = (n % 52 * 5) as u8;

@@ -264,7 +264,7 @@ mod tests {
                 let off = |n: usize| f64::from(STEP * f32::from(steps[n]) + 1.0 - truth.data()[n]);
                 let good = (0..SIZE.area()).filter(|n| !expected.contains(n));
                 let rms = (good.map(|n| off(n).powi(2)).sum::<f64>() / SIZE.area() as f64).sqrt();
-                // Noise of the flat, rounding, and the error of the smooth part.
+                // Allows for the flat's noise, rounding and the error of the smooth part.
                 assert!(rms < 0.0016, "{rms}");
             }
         }

@@ -184,7 +184,7 @@ mod tests {
                     gains.response(c, x + u, y + v).map_or(999.0, |response| 80.0 * response)
                 });
                 let off = |v: &f32| (v - 80.0).abs() > 1e-3;
-                // Two by two sites with a bad one have no other of its colour.
+                // Among 2×2 sites, a bad one has no neighbour of its colour to be replaced by.
                 if width > 2 || mosaic.is_none() {
                     assert!(!even.planes().iter().any(|p| p.data().iter().any(off)), "{place:?}");
                 }

@@ -330,7 +330,7 @@ mod tests {
 
     #[test]
     fn a_choice_counts_ssim_psnr_and_colour_alike() {
-        // Both are equal in SSIM; the second has half the gain in dB and in ΔE.
+        // Both have the same SSIM; the second gains half as much in dB and in ΔE.
         let coloured = |psnr_db, difference| {
             let mut point = point(2.0, 0.9);
             let quality =

@@ -124,8 +124,8 @@ mod tests {
         }
     }
 
-    /// Every call of the program with one of its commands in `text`: the words, and whether they
-    /// stand between backticks.
+    /// Calls of the program in `text` that name one of its commands: the words of each, and whether
+    /// a backtick precedes it.
     fn calls(text: &str) -> Vec<(String, bool)> {
         let declared = CommandLine::command();
         let mut found = Vec::new();

@@ -152,7 +152,7 @@ fn errors_name_line_key_and_values_in_the_file_s_words() {
     assert!(surface.contains("lens.surface[1].thickness-mm: found -9.0"), "{surface}");
 }
 
-/// A table, or several of one kind.
+/// A table of the rig file, or several tables of the same kind.
 struct Section {
     names: Vec<String>,
     known: &'static TableKeys,
@@ -160,7 +160,7 @@ struct Section {
     kind: Option<&'static KindKeys>,
 }
 
-/// Every table with its whole name, in the file's order; tables of one kind stand together.
+/// Tables under their full names, in the file's order; tables of the same kind share a section.
 fn sections() -> Vec<Section> {
     fn collect(name: String, one: &'static TableKeys, left_out: LeftOut, all: &mut Vec<Section>) {
         if one.keys.iter().any(|key| !matches!(key.allowed, Allowed::Table(_) | Allowed::ByKind(_)))
@@ -309,7 +309,7 @@ fn the_paper_s_patches_follow_from_the_rig() {
     assert_eq!(paper("paper-synthetic.toml").margin_px, 80);
 }
 
-/// Default of a key, for the page.
+/// A key's default as the reference page states it.
 fn left_out(key: &Key) -> String {
     match key.left_out {
         LeftOut::Never => "no default".to_owned(),

@@ -258,7 +258,7 @@ mod tests {
         let model = model();
         let norms = LevelNorms::measure(&model, Channel::Green, 3, 12, 1);
         assert!(norms.at(0) < 0.3 * norms.at(3), "fine details arrive with less power: {norms:?}");
-        // xᵀ(diag α − W KᵀK Wᵀ)x ≥ 0 for whatever x.
+        // xᵀ(diag α − W KᵀK Wᵀ)x ≥ 0 for any x.
         let transform = Sym8::new(model.canvas(), 3);
         let (mut scratch, mut found) = (Scratch::default(), transform.zeros());
         let mut seen = Plane::zeros(model.canvas());

@@ -252,7 +252,7 @@ mod tests {
         wave: ColumnWave,
     }
 
-    /// A noisy capture of uneven light whose beat falls off towards the right.
+    /// A noisy capture of uneven light with a beat that weakens towards the right.
     fn capture(share: f32, columns_a_pixel: f32) -> Capture {
         let predicted = Plane::from_fn(SIZE, |x, y| 100.0 + 60.0 * (0.05 * (x + y) as f32).sin());
         let column = |x: usize, y: usize| columns_a_pixel * x as f32 + 0.01 * y as f32;
@@ -294,9 +294,9 @@ mod tests {
     #[test]
     fn noise_and_an_uneven_panel_are_not_taken_for_a_beat() {
         assert_eq!(estimate(&capture(0.0, 1.163), false), None);
-        // Columns and pixels nearly in step: a wave as wide as the photo.
+        // Columns and pixels are nearly in step: the beat is as wide as the photo.
         assert_eq!(estimate(&capture(0.1, 2.001), false), None);
-        // The same at the sites of one colour.
+        // The same holds for the sites of one colour.
         assert_eq!(estimate(&capture(0.1, 1.501), true), None);
         assert!(estimate(&capture(0.1, 1.501), false).is_some());
     }

@@ -281,7 +281,7 @@ mod tests {
         assert!((50.0..=90.0).contains(&timing.settle_ms), "{timing}");
         assert!(timing.jitter_ms < 1.0, "{timing}");
         assert!(timing.faults().is_empty(), "{:?}", timing.faults());
-        // A settle time far too short in the file is measured and reported all the same.
+        // The settle time is measured, and the fault reported, even if the file's is far too short.
         let mut hasty = config.clone();
         hasty.panel.settle_ms = 10.0;
         let mut devices = rig::open(&patient(&hasty)).unwrap_or_else(|e| panic!("{e}"));

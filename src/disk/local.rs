@@ -365,7 +365,7 @@ mod tests {
         }
         assert_eq!(rename("a", "b"), Err(Errno::EXIST));
         rename("a", "c").unwrap();
-        // A folder cannot be hard-linked: the check comes first, as on a disk without links.
+        // Folders, which have no hard links, are renamed after a check, as on a disk without links.
         std::fs::create_dir(root.join("d")).unwrap();
         assert_eq!(rename("d", "b"), Err(Errno::EXIST));
         rename("d", "e").unwrap();

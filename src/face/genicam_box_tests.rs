@@ -21,7 +21,7 @@ use crate::rig::{Clock, Flip, Moment, Panel, RigError, Trigger};
 
 const SMALL: &str = include_str!("../../rig-config/small.toml");
 
-/// Devices of `[hardware]` in place of the simulated ones. The simulation keeps its own time.
+/// Devices of `[hardware]` that replace the simulated ones. The simulation keeps its own time.
 const DEVICES: &str = r#"
 [hardware]
 panel.connector = "HDMI-A-1"

@@ -217,7 +217,7 @@ mod tests {
     use super::*;
     use crate::frame::Work;
 
-    /// One pixel of [`Mosaic::interpolated`].
+    /// One pixel of [`Mosaic::interpolated`], computed from its definition.
     fn mean_by_definition(mosaic: Mosaic, c: Channel, sites: &Plane, x: usize, y: usize) -> f32 {
         if mosaic.colour_at(x, y) == c {
             return sites.at(x, y);

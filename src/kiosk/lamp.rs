@@ -89,7 +89,7 @@ mod tests {
         }
     }
 
-    /// The rhythm of `state` as in the operator's page.
+    /// The rhythm of `state` in the words of the operator's page.
     fn in_words(state: BoxState) -> String {
         let colour = |lamp: &Lamp| match lamp {
             Lamp::Ready => "green",

@@ -135,7 +135,7 @@ mod tests {
         assert_eq!(lines[0].join(" "), text);
         assert_eq!(lines[1], ["Help."]);
         assert_eq!(fitted(&[text], 20.0, (1e6, 100.0)), (20.0, vec![vec![text.to_owned()]]));
-        // Endless text ends at a line, without an ellipsis.
+        // Text that is far too long ends with a full line, without an ellipsis.
         let (_, lines) = fitted(&[&"light ".repeat(1000)], 40.0, (300.0, 150.0));
         assert!(lines[0].len() > 3 && lines[0].iter().all(|line| line.ends_with("light")));
     }

@@ -81,7 +81,7 @@ impl Presses {
 mod tests {
     use super::*;
 
-    /// Presses read from `levels`, one a millisecond.
+    /// Presses read from `levels`, one level per millisecond.
     fn presses(levels: impl IntoIterator<Item = bool>) -> Vec<(usize, Press)> {
         let mut presses = Presses::new(Moment(0.0));
         let each = levels.into_iter().enumerate();

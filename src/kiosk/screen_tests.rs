@@ -108,7 +108,6 @@ fn the_result_shows_both_pictures() {
     };
     let (before, after) = (count([255, 0, 0]), count([0, 0, 255]));
     assert!(before > size.area() / 4 && before.abs_diff(after) < before / 20, "{before}, {after}");
-    // From edge to edge.
     let row = codes.plane(Channel::Red).row(20);
     assert_eq!((row[0], row[size.width - 1]), (255, 0), "the pictures reach both edges");
     assert_eq!(codes.plane(Channel::Blue).row(0)[size.width - 1], 255);

@@ -122,7 +122,7 @@ mod tests {
             let mut rig = open(&hasty).unwrap().0;
             calibrate(&mut rig, &hasty, None, &mut to_the_end)
         };
-        // At 40 ms little of the previous picture remains, and all else can be fitted.
+        // At 40 ms little of the previous picture remains, and everything else can be fitted.
         for settle_ms in [10.0, 25.0, 40.0] {
             let message = full_message(&calibrate_with(settle_ms).unwrap_err());
             assert!(message.contains("panel.settle-ms is too short"), "{settle_ms} ms: {message}");

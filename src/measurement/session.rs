@@ -228,7 +228,7 @@ mod tests {
         let mut session = Session::new(&mut rig, &config, &mut watch, 1);
         assert_eq!(session.computed(|| 7).unwrap(), 7);
         asked.set(true);
-        // Ends when the test drops the other end.
+        // The computation ends when the test drops `_held`.
         let (_held, end) = channel::<()>();
         let given_up = session.computed(move || end.recv().is_err());
         assert!(matches!(given_up, Err(CalibrateError::GivenUp)), "{given_up:?}");

@@ -194,7 +194,7 @@ mod tests {
 
     const SIZE: Size = Size::new(96, 80);
 
-    /// A smooth picture, and the same one displaced, brighter, with light added.
+    /// A smooth picture, and a capture of it that is displaced, brighter and rippled.
     fn seen(dx: f64, dy: f64, gain: f64, offset: f64, ripple: f32) -> (Frame<Work>, Seen) {
         let light = |x: f64, y: f64| 100.0 + 50.0 * (x / 5.0).sin() * (y / 7.0).cos();
         let predicted = Plane::from_fn(SIZE, |x, y| light(x as f64, y as f64) as f32);

@@ -333,7 +333,7 @@ fn collect<D: ImageDecoder>(
 mod tests {
     use super::*;
 
-    /// 16×16 pixels by libwebp, quality 95.
+    /// A file of 16×16 pixels by libwebp at quality 95.
     #[rustfmt::skip]
     const LOSSY_WEBP: [u8; 60] = [
         82, 73, 70, 70, 52, 0, 0, 0, 87, 69, 66, 80, 86, 80, 56, 32, 40, 0, 0, 0, 176, 1, 0,
@@ -382,7 +382,7 @@ mod tests {
         jpeg[sof + 5..sof + 9].copy_from_slice(&[0x2a, 0xf8, 0x3e, 0x80]);
         let flaw = decode(&jpeg, &Limits::default()).unwrap_err();
         assert!(flaw.to_string().contains("16000×11000"), "{flaw}");
-        // The rig's own photos are as large as its sensor.
+        // The limits include the rig's own photos, which are as large as its sensor.
         let own = Limits::default().on(Size::new(8192, 6144).into());
         assert_eq!((own.pixels_max, own.bytes_max), (8192 * 6144, 8 * 8192 * 6144));
     }

@@ -217,7 +217,7 @@ mod tests {
 
         manner.colour = ColorType::L8;
         let photo = back(&encode("p", &scene(size), &manner, true).unwrap());
-        // A solver of grey photos gives green alone.
+        // For grey photos, the solver fills the green plane only.
         let mut picture = Frame::zeros(size);
         *picture.plane_mut(Channel::Green) = Plane::filled(size, 90.0);
         let seen = photo.for_display(&picture);

@@ -196,8 +196,8 @@ fn write(file: &File<'_>, updated: &mut [u8], entry: usize, value: usize) -> Res
 mod tests {
     use super::*;
 
-    /// A block with a width in the first directory, a height in the EXIF one, a width in the one
-    /// below, and a thumbnail.
+    /// A block with a width in the first directory, a height in its EXIF directory, another width
+    /// in the directory below that, and a thumbnail.
     fn block(big: bool) -> Vec<u8> {
         let short = |v: u16| if big { v.to_be_bytes() } else { v.to_le_bytes() };
         let long = |v: u32| if big { v.to_be_bytes() } else { v.to_le_bytes() };

@@ -344,7 +344,7 @@ mod tests {
         assert!(is("PXL_1.MP", false, b"\0\0\0\x18ftypmp42"));
         assert!(is("Photos", false, b"SQLite format 3\0"));
         assert!(is("a.json", true, b"{}") && is("a.log", true, b""));
-        // Photos under other names, and photos that are not what they are called.
+        // No companions: photos under other names, and other files under the name of a photo.
         assert!(!is("a.log", true, b"\xff\xd8\xff\xe0"));
         assert!(!is("a.bin", true, b"\0\0\0\x18ftypheic"));
         assert!(!is("a.jpg", false, b"\0\0\0\x18ftypmp42"));

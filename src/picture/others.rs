@@ -228,7 +228,7 @@ mod tests {
         };
         assert!(with(b"NETSCAPE2.0").into_iter().eq([Lost::TEXTS, Lost::PICTURES]));
         assert!(with(b"XMP DataXMP").contains(&Lost::XMP));
-        // Whole from the end of the first picture on, unless a hole follows.
+        // A file counts as whole from the end of the first picture on, unless a hole follows.
         let first_end = gif.len() - 1 - 15;
         let whole = |bytes: &[u8]| walk(bytes, Content::Gif).is_ok();
         assert!((0..first_end).all(|cut| !whole(&gif[..cut])));

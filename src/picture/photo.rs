@@ -448,7 +448,7 @@ mod tests {
     fn another_shape_is_refused_by_the_header_alone() {
         let mut bytes = include_bytes!("../../tests/scenes/astronaut.png").to_vec();
         let data = bytes.windows(4).position(|of| of == b"IDAT").unwrap() + 4;
-        // A broken stream, under a checksum that is not looked at before it is decoded.
+        // A broken stream with a valid checksum, which only decoding would notice.
         bytes[data..data + 100].fill(0x55);
         let length = u32::from_be_bytes(bytes[data - 8..data - 4].try_into().unwrap()) as usize;
         let crc = crc32fast::hash(&bytes[data - 4..data + length]);

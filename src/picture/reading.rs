@@ -167,7 +167,7 @@ mod tests {
             use std::io::Write;
             file.rewind().unwrap();
             file.write_all(head).unwrap();
-            // Shorter than the pictures, and longer than what is read whole.
+            // Shorter than the pictures, but too long to be read before a look at its head.
             file.set_len(WHOLE_BYTES_MAX + 1).unwrap();
             file.rewind().unwrap();
             whole("a", file.try_clone().unwrap(), &limits).unwrap_err().to_string()

@@ -395,7 +395,7 @@ mod tests {
         assert_eq!(walk(&file(0)).unwrap().size, Some(Size::new(16, 12)));
         let words = walk(&file(1)).err().map(|flaw| flaw.to_string()).unwrap_or_default();
         assert!(words.contains("reduced copy") && words.contains("save the photo"), "{words}");
-        // By the older field, by a maker's packing, and with a larger picture below it.
+        // Also refused: by the older field, a maker's compression, a larger picture below it.
         assert!(walk(&with(SUBFILE_TYPE, 4, 2, &[])).is_err());
         let words = walk(&with(COMPRESSION, 4, 34713, &[])).unwrap_err().to_string();
         assert!(words.contains("a camera raw photo") && words.contains("develop it"), "{words}");

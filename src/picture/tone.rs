@@ -252,7 +252,7 @@ mod tests {
         let tables = (0..256u16).map(|n| n * n).collect::<Vec<_>>();
         let squares = StatedColours::Tables { tables: vec![tables], xy: None };
         assert!((half(&squares, false).0 - code * code).abs() < 0.01);
-        // Rec. 2020's primaries with sRGB's curve, and the curve of bright screens.
+        // Rec. 2020's primaries have a profile with sRGB's curve, but none with that of HDR, PQ.
         let wide = half(&StatedColours::coded(9, 13).unwrap(), false);
         assert!((wide.0 - 0.2158).abs() < 1e-3 && wide.1.red_colorant.x > 0.6);
         assert!(StatedColours::coded(9, 16).is_none());

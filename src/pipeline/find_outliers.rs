@@ -148,7 +148,7 @@ mod tests {
     use crate::frame::Rect;
     use crate::pipeline::outliers::areas;
 
-    /// Two places: one clear, with a rim that is not, and one that is nowhere clear.
+    /// Two places above the lower limit; only the first has a pixel above the upper one.
     fn places() -> Plane {
         Plane::from_fn(Size::new(30, 20), |x, y| match (x, y) {
             (6, 4) => 2.0 * OUTLIERS[0].of_clearest,

@@ -260,7 +260,7 @@ mod tests {
         };
         let tone = Tone::of_curve(Curve::Srgb, 8);
         let codes = witness.photograph(&Frame::from_fn(scene), 3);
-        // Turned, the sites of the sensor are at other places.
+        // A turned photo has the sensor's sites at other places.
         for (is_turned, expected) in [(false, TakenBy::Own), (true, TakenBy::Another)] {
             let light: Frame<Work> = Frame::from_fn(|c| {
                 let light = tone.plane(c, codes.plane(c));
@@ -280,8 +280,8 @@ mod tests {
             assert_eq!(outcome.reason.contains("pattern of this camera's pixels"), is_turned);
             assert_eq!(outcome.verdict == Verdict::Untouched, is_turned);
         }
-        // A photo that any sensor may have taken is certified on that condition, and returned if
-        // its result is not confirmed.
+        // A photo that any sensor may have taken gets a conditional certificate, and is returned
+        // unchanged if its result is not confirmed.
         let light: Frame<Work> = Frame::from_fn(|c| tone.plane(c, codes.plane(c)));
         let mut doubtful = pipeline.prepare(PhotoData::developed(&light, Channels::Colour));
         let certificate = |residual_grey_levels| OpticalResidual {

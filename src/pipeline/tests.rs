@@ -58,7 +58,7 @@ impl Bed {
         self.photo_of(&self.scene())
     }
 
-    /// A scene from a photograph, in light: with few greys, a JPEG would pass for one coded twice.
+    /// A scene from a photograph, in light: a JPEG of few greys would pass for one coded twice.
     fn coffee(&self) -> Frame<Work> {
         let tone = Tone::of_curve(self.config.photo.curve, 8);
         let codes = crate::picture::embedded(include_bytes!("../../tests/scenes/coffee.png"));
@@ -162,7 +162,7 @@ fn a_stamped_photo_is_restored_around_the_stamp() {
     assert!(bed.restore(&photo, &solver).outliers.is_none());
 }
 
-/// The reference solution, changed.
+/// The reference solution, altered by `change`.
 struct Changed {
     about: &'static About,
     reference: Box<dyn Method>,
@@ -211,7 +211,7 @@ fn a_tint_that_lightness_does_not_show_is_replaced() {
     const ABOUT: About = About { name: "tinter", starts_from_lens: false };
     let reference = Box::new(TotalVariation::default());
     let outcome = bed.restore(&photo, &Changed { about: &ABOUT, reference, change: tint });
-    // No capture led it astray, so `digital` is not tried.
+    // No capture misled the method, so `digital` is not tried.
     assert_eq!((outcome.verdict, outcome.method), (Verdict::Replaced, "total-variation"));
     assert!(outcome.reason.contains("too far in colour"), "{}", outcome.reason);
 }
@@ -297,7 +297,7 @@ fn a_dithered_picture_is_not_called_blank() {
     assert!(!outcome.reason.contains("blank"), "{}", outcome.reason);
 }
 
-/// A photo, and the file that it came in where that is a JPEG.
+/// A photo, with the file it came in if that is a JPEG.
 enum Came {
     Plain(Frame<Work>),
     Jpeg(Box<Photo>),
@@ -340,7 +340,7 @@ fn work(photo: &Came, named: Named, bed: &mut Bed) -> (Verdict, usize, f64) {
 
 #[test]
 fn captures_are_converted_to_the_photo_s_focus() {
-    // Rigs of one seed, and so with the same noise.
+    // Rigs with the same seed have the same noise.
     let [mut there, mut here, mut known] = [(); 3].map(|()| Bed::new());
     let panel = Arc::clone(here.pipeline.model());
     let mut functions = panel.functions().clone();
@@ -370,13 +370,13 @@ fn captures_are_converted_to_the_photo_s_focus() {
 #[ignore = "minutes: the long gate runs it"]
 fn a_refusal_costs_less_than_block_matching_and_at_most_a_third_more_than_other_methods() {
     let mut bed = Bed::new();
-    // No scene gives a sharp picture through this lens.
+    // No scene looks as sharp as this through the lens, so the photo is refused.
     let (good, sharp) = (bed.photo(), bed.scene());
     let coffee = bed.coffee();
     let [good_jpeg, sharp_jpeg] = [&bed.photo_of(&coffee), &coffee].map(Came::as_jpeg);
     let pairs = [(Came::Plain(good), Came::Plain(sharp)), (good_jpeg, sharp_jpeg)];
-    // The reference solution costs less than block matching. Measured: hybrid 1.0 and 1.2 times,
-    // digital 1.2 and 1.3 times.
+    // The reference solution costs less than block matching. Measured ratios: hybrid 1.0 and 1.2,
+    // digital 1.2 and 1.3.
     let methods = [(Named::Hybrid, 1.35), (Named::BlockMatching, 1.0), (Named::Digital, 1.35)];
     for (named, most) in methods {
         for (good, sharp) in &pairs {

@@ -84,7 +84,7 @@ mod tests {
     use super::*;
     use crate::frame::Plane;
 
-    /// Delivers one frame again and again.
+    /// A camera that delivers the same frame again and again.
     struct Still(Counts);
 
     impl Camera for Still {

@@ -158,7 +158,7 @@ fn normaliser(places: impl Iterator<Item = Place> + Clone) -> Option<Matrix3<f64
 mod tests {
     use super::*;
 
-    /// Scale, rotation, shift and some perspective.
+    /// Sensor position of a panel position, by scale, rotation, shift and some perspective.
     fn true_sensor_at([x, y]: Place) -> Place {
         let w = 1.0 + 1e-5 * x - 2e-5 * y;
         [(0.86 * x + 0.01 * y - 240.0) / w, (-0.012 * x + 0.85 * y - 15.0) / w]
@@ -193,7 +193,7 @@ mod tests {
 
     #[test]
     fn an_affine_map_extrapolates_a_little_beyond_its_dots() {
-        // Six dots in two rows, a quarter pixel of error in each, one of another frame.
+        // Six dots in two rows, each off by a quarter pixel; one was seen in the previous frame.
         let mut pairs: Vec<_> = (0..6)
             .map(|n| [600.0 + 300.0 * f64::from(n % 3), 400.0 + 240.0 * f64::from(n / 3)])
             .map(|panel| (panel, true_sensor_at(panel)))

@@ -104,9 +104,9 @@ mod tests {
         active: bool,
         /// Whether the monitor receives a picture.
         shows: bool,
-        /// Another program is DRM master.
+        /// Whether another program is DRM master.
         taken: bool,
-        /// Trainings that will fail.
+        /// Number of link trainings that will fail.
         failures: u32,
         lit: u32,
     }

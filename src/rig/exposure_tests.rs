@@ -74,7 +74,7 @@ fn no_wrong_frame_is_accepted_under_faults() {
     let captures = asked.unwrap_or(600usize);
     let references = references();
     let mut rig = with_marks(five_percent_of_each);
-    // The search for marks ran under the faults, too.
+    // The search for marks ran under the same faults.
     for n in 0..captures {
         let exposed = rig.capture(&grey(n)).unwrap_or_else(|e| panic!("capture {n}: {e}"));
         assert!(is_of(&exposed, &references[n % 5]), "capture {n} is of another picture");
@@ -103,8 +103,8 @@ fn without_marks_the_same_faults_give_wrong_frames() {
     assert!(wrong > 10, "{wrong} of 500: the test above would pass without marks");
 }
 
-/// An ordinary panel: 60 Hz, two refreshes of latency; settled to half a grey level within three
-/// and a half.
+/// An ordinary panel of 60 Hz with two refreshes of latency, settled to half a grey level within
+/// three and a half refreshes.
 fn quick(text: &str) -> String {
     let text = text.replacen("settle-ms = 100.0", "settle-ms = 48.0", 1);
     text.replacen("response-ms = 5.0", "response-ms = 2.5", 1)
@@ -171,13 +171,13 @@ fn vanished_marks_leave_no_trace_whatever_the_faults() {
     even(&again);
     let mut faulty = with_marks(|text| five_percent_of_each(&vanishing(text)));
     for n in 0..200 {
-        // Another picture in between, in case of a late frame.
+        // Shows another picture in between, in case a late frame arrives.
         faulty.capture(&grey(n)).unwrap_or_else(|e| panic!("{e}"));
         even(&capture(&mut faulty));
     }
     let rejected = faulty.rejected();
     assert!(rejected.another > 10 && rejected.mixed > 5, "{rejected:?}");
-    // With lasting strips the same rows show marks or black.
+    // With permanent strips, the same rows show marks or black.
     let hidden = capture(&mut with_marks(str::to_owned));
     assert!(hidden[9] < 0.8 * wanted[9], "{:.1} and {:.1}", hidden[9], wanted[9]);
 }

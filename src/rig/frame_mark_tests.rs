@@ -52,7 +52,7 @@ fn shown(marks: &FrameMarks, geometry: &CoarseGeometry, number: u8) -> Counts {
     seen(&codes, geometry, number.into())
 }
 
-/// Rows of `counts` above `row`, of `other` from there on.
+/// Rows of `counts` above `row`, and rows of `other` from there on.
 fn torn(counts: &Counts, other: &Counts, row: usize) -> Counts {
     Counts::from_fn(|c| {
         Plane::from_fn(SENSOR, |x, y| {
@@ -73,7 +73,7 @@ fn numbers_are_read_through_blur_pose_noise_and_dark_corners() {
 fn a_torn_frame_is_rejected() {
     let (marks, geometry) = learned();
     let (old, new) = (shown(&marks, &geometry, 41), shown(&marks, &geometry, 42));
-    // For any place of the tear, above, between or through the strips.
+    // The tear may be anywhere: above, between or in the strips.
     for row in 0..=SENSOR.height {
         let reading = marks.read(&torn(&old, &new, row));
         // The outermost measured row of each strip is one row inside it.

@@ -240,7 +240,7 @@ impl BrightSpot {
 mod tests {
     use super::*;
 
-    /// A camera that sees the middle of the panel, with frames `late` pictures late.
+    /// A camera that sees the middle of the panel, whose frames are `late` pictures late.
     fn camera(late: usize) -> impl FnMut(&Codes) -> Result<Counts, RigError> {
         let (panel, sensor) = (Size::new(240, 180), Size::new(160, 128));
         let mut pipe = std::collections::VecDeque::from(vec![Codes::zeros(panel); late]);

@@ -132,7 +132,7 @@ mod tests {
     }
 
     impl Clock for LateBoard {
-        /// A reading takes two microseconds.
+        /// The current time; a reading takes two microseconds.
         fn now(&self) -> Moment {
             self.now_s.set(self.now_s.get() + 2e-6);
             Moment(self.now_s.get())
@@ -162,7 +162,7 @@ mod tests {
 
     #[test]
     fn an_exposure_is_as_long_as_its_pulse_or_an_error() {
-        // Most of it is slept, and an overrun shorter than the rest does no harm.
+        // Most of the pulse is spent asleep; an overrun shorter than the rest does no harm.
         for (overrun_s, fits) in [(0.0, true), (0.0019, true), (0.003, false)] {
             let (start, _) = trigger(false, 50_000, overrun_s);
             let mut exposing = start.exposing();

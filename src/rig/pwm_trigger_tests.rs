@@ -174,7 +174,7 @@ impl PwmBoard {
 }
 
 impl Clock for PwmBoard {
-    /// A reading takes two microseconds.
+    /// The current time; a reading takes two microseconds.
     fn now(&self) -> Moment {
         let mut kernel = self.kernel();
         kernel.now_s += 2e-6;
@@ -189,7 +189,7 @@ impl Clock for PwmBoard {
 
 #[test]
 fn every_accepted_pulse_is_whole_wherever_its_period_starts() {
-    // Places in a period of 90 ms; the second cuts a pulse by less than the tolerance.
+    // Phases of a period of 90 ms; the second cuts a pulse by less than the tolerance.
     let places_ms = [0.0, 1.5, 25.0, 49.0, 50.0, 51.0, 70.0, 89.9];
     let cases = places_ms.into_iter().flat_map(|ms| [(ms / 90.0, false), (ms / 90.0, true)]);
     for (starts_at, is_lazy) in cases {
@@ -234,7 +234,7 @@ fn a_new_channel_is_set_before_it_is_enabled_and_disabled_at_the_end() {
 
 #[test]
 fn the_pulses_of_a_killed_program_end_at_the_next_opening() {
-    // With longer and with shorter periods than the wanted one.
+    // The killed program's periods were shorter or longer than the wanted one.
     for times in [0.1, 3.0] {
         let board = PwmBoard::new(PwmRules::default());
         let mut killed = std::mem::ManuallyDrop::new(board.trigger());

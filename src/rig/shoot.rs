@@ -277,7 +277,7 @@ mod tests {
         let (one, other) = (shots(1), shots(1));
         let (four, more) = (shots(8), shots(8));
         let ratio = noise(&four, &more) / noise(&one, &other);
-        // √8 less: a mean is not rounded to a count.
+        // The noise falls by a factor of √8, since the mean is not rounded to whole counts.
         assert!((0.345..0.365).contains(&ratio), "{ratio}");
         assert_eq!((one.finer, four.finer, four.noise_share), (0, 6, 0.125));
         assert!(one.clipped_share < 0.01, "{}", one.clipped_share);
@@ -307,7 +307,7 @@ mod tests {
             let (lighter, noise) = seen(times);
             let there = own.amplified(times);
             let stated = there.at_black[1] + there.per_count[1] * lighter;
-            // The rig's camera bends its counts by some per cent.
+            // The rig's camera is nonlinear by some per cent.
             assert!((lighter / light / times - 1.0).abs() < 0.05, "{light}, then {lighter}");
             assert!((stated / noise - 1.0).abs() < 0.05, "{times}: {stated}, not {noise}");
         }
@@ -333,7 +333,7 @@ mod tests {
         assert!(hot.len() > 3, "{hot:?}");
         let excess = |shot: &PhotoShot| {
             let all = sites(shot);
-            // Two columns to the left is a site of the same colour.
+            // The site two columns to the left has the same colour.
             let over = |&n: &usize| f64::from(all.data()[n]) - f64::from(all.data()[n - 2]);
             let step = f64::from(1 << shot.finer);
             hot.iter().filter(|&&n| n > 1).map(over).sum::<f64>() / hot.len() as f64 / step

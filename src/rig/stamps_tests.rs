@@ -118,8 +118,8 @@ impl Camera for View {
     }
 }
 
-/// Takes 200 captures with stamps read as `read_as`; returns how many did not show their own
-/// picture alone, and seconds a capture.
+/// Takes 200 captures with stamps read as `read_as`; returns the number of captures that show
+/// anything but their own picture, and the seconds per capture.
 fn wrong_of_200(read_as: Stamps, phase_s: f64, held_back_s: f64) -> (usize, f64) {
     let scene =
         StampedScene { now_s: 0.1, shown: vec![(0.0, 0)], next: 0, phase_s, held_back_s, read_as };

@@ -8,11 +8,11 @@ use crate::frame::{Counts, Size};
 /// Behaviour of a triggered camera.
 #[derive(Clone, Copy, Default)]
 struct TriggerRules {
-    /// It delivers a frame every so many milliseconds without a trigger.
+    /// Interval of the frames that arrive without a trigger, in milliseconds.
     free_ms: Option<f64>,
-    /// A frame comes out at the next trigger (Linux before raspberrypi/linux, pull request 6010).
+    /// Each frame arrives at the next trigger (Linux before raspberrypi/linux, pull request 6010).
     one_late: bool,
-    /// Number of pulses of the wrong length, from the first.
+    /// Number of pulses, from the first, that have the wrong length.
     mistimed: u32,
 }
 
@@ -30,7 +30,7 @@ impl FakeRig {
 struct FakeState {
     rules: TriggerRules,
     now_s: f64,
-    /// Starts of exposures whose frames have not been taken.
+    /// Starts of exposures whose frames were not fetched yet.
     exposed: Vec<f64>,
     fired: u32,
     sequence: u32,
@@ -139,7 +139,7 @@ fn an_exposure_of_wrong_length_is_made_again_and_its_frame_thrown_away() {
     let (mut devices, rig) = rig(TriggerRules { mistimed: 2, ..TriggerRules::default() });
     let exposed = devices.capture(&grey()).unwrap_or_else(|error| panic!("{error}"));
     assert_eq!((exposed.sequence, devices.rejected().mistimed, rig.state().fired), (3, 2, 3));
-    // A photo, and a board that is always late.
+    // The same holds for photos; a board that is always late causes an error.
     rig.state().rules.mistimed = 4;
     assert!(devices.expose().is_ok());
     rig.state().rules.mistimed = u32::MAX;

@@ -1,15 +1,15 @@
-//! Computing time and peak memory of photos on the box, from file to file, simulator excluded:
-//! 1024×768 in colour on ideal.toml (default method) and on simulated.toml, with the lens as
-//! measured and touched since; and larger photos of simulated.toml's lens before finer pixels,
-//! solved binned, and of a rig of 2048×1536.
+//! Computing time and peak memory of restoring a photo on the box, from file to file, simulator
+//! excluded: photos of 1024×768 in colour on ideal.toml (default method) and on simulated.toml,
+//! with the lens as measured and with a lens touched since; larger photos of simulated.toml's lens
+//! with finer pixels, solved on binned pixels; and photos of a rig of 2048×1536.
 //!
 //! A first process calibrates, photographs and restores on the simulated rig, and stores the
-//! calibration and the frames of its camera. Another process for each photo reads its file,
-//! restores it from the stored frames and encodes the result; printed are its times and its peak
-//! resident memory (`VmHWM`).
+//! calibration and the frames of its camera. For each photo another process reads its file,
+//! restores it from the stored frames and encodes the result; its times and its peak resident
+//! memory (`VmHWM`) are printed.
 //!
-//! Run: `cargo bench --bench appliance`; `-- sizes` for the larger photos alone; `-- one raw.dng 4`
-//! for a single one, with four times the pixels along each side.
+//! Run: `cargo bench --bench appliance`; `-- sizes` for the larger photos only; `-- one raw.dng 4`
+//! for a single photo with four times the pixels along each side.
 
 // A failed unwrap ends the benchmark.
 #![allow(clippy::unwrap_used)]
@@ -39,16 +39,16 @@ mod sized;
 
 use sized::sized;
 
-/// Variable with the folder of a [`Stand`], set for the other processes.
+/// Environment variable with the folder of a [`Stand`], set for the other processes.
 const STORED: &str = "RELENS_BENCH_STORED";
-/// Variable with the name of its rig.
+/// Environment variable with the name of the stand's rig.
 const RIG: &str = "RELENS_BENCH_RIG";
-/// Variable with the number of the photo's pixels along each side of a solved one.
+/// Environment variable with the number of the photo's pixels along each side of a solved pixel.
 const BINNING: &str = "RELENS_BENCH_BINNING";
-/// Variable with a command that runs this program on another processor
+/// Environment variable with a command that runs this program on another processor
 /// (`tests/cross/instructions`).
 const RUNNER: &str = "RELENS_BENCH_RUNNER";
-/// Variable with the photo's file name.
+/// Environment variable with the photo's file name.
 const PHOTO: &str = "RELENS_BENCH_PHOTO";
 
 const PHOTOS: [&str; 3] = ["developed.png", "developed.jpg", "raw.dng"];
@@ -98,7 +98,7 @@ fn rig(name: &str) -> RigFile {
     }
 }
 
-/// The rig before a camera with `binning` times the pixels along each side, which are binned.
+/// `rig` with a camera of `binning` times the pixels along each side, which are binned.
 fn before_finer_pixels(mut rig: RigFile, binning: usize) -> RigFile {
     rig.camera.binning = binning;
     rig
@@ -180,8 +180,8 @@ impl Stand {
         }
     }
 
-    /// Stores the photo as of a camera with `binning` times the pixels along each side: developed
-    /// as PNG and JPEG, and raw.
+    /// Stores the photo as if taken by a camera with `binning` times the pixels along each side:
+    /// developed as PNG and JPEG, and raw.
     fn store_photos(&self, binning: usize) {
         let Size { width, height } = self.light.size();
         let size = Size::new(binning * width, binning * height);
@@ -227,7 +227,7 @@ impl Stand {
             .env(RIG, self.name)
             .env(BINNING, binning.to_string())
             .env(PHOTO, photo)
-            // As in the unit.
+            // As in the systemd unit.
             .env("MALLOC_ARENA_MAX", "1")
             .status()
             .unwrap();
@@ -358,7 +358,7 @@ impl Camera for StoredCamera {
         let mut counts = load(&self.frames[self.next.min(self.frames.len() - 1)], self.size);
         self.next += 1;
         if self.binning > 1 {
-            // A binned camera has a frame of its own pixels, whose means it delivers.
+            // A camera that bins takes a frame of its own pixels and delivers their means.
             let (Size { width, height }, by) = (self.size, self.binning);
             let own: Counts = Frame::from_fn(|c| {
                 let size = Size::new(by * width, by * height);

@@ -68,7 +68,7 @@ fn look(bencher: Bencher, (width, height): (usize, usize)) {
     });
 }
 
-/// The same without the unpacking, which every capture of relens has.
+/// Processor time of [`look`] without unpacking, which every capture needs.
 #[divan::bench(args = SENSORS)]
 fn look_at_counts(bencher: Bencher, (width, height): (usize, usize)) {
     let size = Size::new(width, height);

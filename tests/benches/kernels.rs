@@ -14,7 +14,7 @@ use relens::frame::{Channel, Plane, Size};
 const PHOTO: Size = Size::new(1024, 768);
 
 fn main() {
-    // All within the pool's thread: handing work over would be timed, too.
+    // Everything runs in the pool's thread; otherwise handing work over would be timed, too.
     rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap().install(divan::main);
 }
 

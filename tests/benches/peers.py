@@ -99,10 +99,11 @@ def main():
         return structural_similarity(img, other, data_range=255, gaussian_weights=True, sigma=1.5,
                                      use_sample_covariance=False)
 
-    # A peer that does not compute what it says is no peer.
+    # Checks that the peers compute what they are timed for.
     assert np.abs(wavelet() - img).max() < 1e-2 and np.abs(pair() - img).max() < 1e-2
 
-    # our benchmark, its argument, the peer, what is wanted of ours/theirs (None: only shown)
+    # Our benchmark, its argument, the peer, its function, maximum of ours/theirs (None: only
+    # shown).
     cases = [
         ("sym8_analysis_and_synthesis", None, "PyWavelets wavedec2+waverec2", wavelet, 1 / 8),
         ("warp_bicubic", None, "OpenCV remap bicubic", remap, 1.0),

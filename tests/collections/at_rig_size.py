@@ -40,7 +40,7 @@ def convert(path, is_cut):
             has_palette = whole.mode in ("1", "P", "PA")
             kernel = Image.Resampling.NEAREST if has_palette else Image.Resampling.LANCZOS
             made = ImageOps.fit(whole, size, kernel)
-        # The old ending stays: files of one name and two kinds.
+        # The old ending stays in the name, because two files may differ only in it.
         made.save(out / (path.name + ENDINGS[format]), format, **kept)
 
 

@@ -50,7 +50,7 @@ def refusal(path):
         _, status, usage = os.wait4(worker.pid, 0)
     took = 1000 * (time.monotonic() - begun)
     worker.returncode = status
-    # Behind the length: the answer's kind, then a text.
+    # After the length come the answer's kind and then a text.
     processor = 1000 * (usage.ru_utime + usage.ru_stime)
     return took, processor, usage.ru_maxrss / 1024, answer[4:].decode("utf-8", "replace")[2:70]
 

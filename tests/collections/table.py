@@ -27,7 +27,7 @@ for path in (box / "failed").glob("*.txt"):
     if (box / "failed" / photo).exists():
         counts[kind(photo)]["failed"] += 1
         reason = path.read_text().splitlines()[2]
-        # The same sentence with other numbers is the same sentence.
+        # Sentences that differ only in numbers are counted as one.
         sentences[re.sub(r"\d+", "#", reason.replace(photo, "FILE"))].append(photo)
 for path in (box / "inbox").rglob("*"):
     if path.is_file():

@@ -1,5 +1,5 @@
-//! Counts what a piece of work takes from the heap.
-// The allocator's interface is unsafe; everything is handed on to the system's.
+//! Counts heap allocations.
+// The allocator's interface is unsafe; every call is passed on to the system's allocator.
 #![allow(unsafe_code)]
 
 use std::alloc::{GlobalAlloc, Layout, System};
@@ -31,7 +31,7 @@ unsafe impl GlobalAlloc for Counting {
 #[global_allocator]
 static COUNTING: Counting = Counting;
 
-/// What `work` returns, and how often this thread asked for memory meanwhile.
+/// Result of `work`, and the number of allocations that this thread made during it.
 pub(crate) fn allocations<T>(work: impl FnOnce() -> T) -> (T, usize) {
     let before = TAKEN.get();
     let made = work();

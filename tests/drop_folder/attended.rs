@@ -180,7 +180,7 @@ fn an_unchanged_photo_is_not_shown_as_restored() {
     assert!(screens.iter().any(said), "{screens:?}");
 }
 
-/// Needs help at each turn.
+/// A schedule that calls for help at each turn, with the error that the function returns.
 struct Needy(fn() -> DaemonError);
 
 impl Schedule for Needy {

@@ -19,10 +19,10 @@ use relens::rig::{Clock, Moment};
 
 pub const RIG: Size = Size::new(64, 48);
 
-/// The calendar of these tests, far in the future: every file in an inbox is years old.
+/// Present of these tests' calendar, so far in the future that every file in an inbox is years old.
 pub const CALENDAR_UNIX_S: u64 = 4_000_000_000;
 
-/// A clock that advances when waited on.
+/// A simulated clock: waiting advances it at once.
 #[derive(Default)]
 pub struct TestClock(pub Cell<f64>);
 
@@ -48,11 +48,11 @@ impl Remediable for LampOut {
 /// Adds ten grey levels of light, or fails as scripted.
 #[derive(Default)]
 pub struct Brightener {
-    /// Failures, the next one last.
+    /// Failures to come, the next one last.
     pub failures: Vec<Remedy>,
     pub mended: Vec<Remedy>,
     pub cannot_mend: bool,
-    /// Repairs are cancelled.
+    /// Whether repairs are cancelled.
     pub gives_up: bool,
     pub untouched: bool,
     pub panics: bool,
@@ -127,7 +127,7 @@ pub fn file(format: Format, bits: u8, size: Size) -> Vec<u8> {
     encode("scene", &scene(size), &Manner::plain(format, bits, Curve::Srgb), false).unwrap()
 }
 
-/// A raw photo of the scene's green.
+/// A raw photo whose sites all record the scene's green light.
 pub fn raw_file(size: Size) -> Vec<u8> {
     let sites = scene(size).plane(Channel::Green).map(|v: f32| 64 + 3 * v as u16);
     let (mosaic, camera, tags) = (Mosaic::Gbrg, "rig", RawTags::default());

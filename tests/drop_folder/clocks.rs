@@ -43,7 +43,7 @@ fn in_order(root: &Path) -> Vec<String> {
 #[test]
 fn a_calendar_that_jumps_changes_neither_waiting_nor_order() {
     let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap().as_secs() as i64;
-    // Set back a year; set forward a day; a board without a battery, before and after its network.
+    // Set back a year; set forward a day; set by the network on a board without a battery.
     for (begin, jump) in [(now, -366 * DAY_S), (now, DAY_S), (100, now)] {
         let root = fresh_root();
         let root = root.path();
@@ -79,7 +79,7 @@ fn a_calendar_that_jumps_changes_neither_waiting_nor_order() {
         assert!((begin + jump..begin + jump + 50).contains(&dated("a.png")));
         let order = ["c.png", "a.png", "b.jpg"];
         assert_eq!(in_order(root), order, "{jump}");
-        // As is that after a restart, with one more, and the calendar where it began.
+        // The order survives a restart with one more photo and the calendar set where it began.
         drop_in(root, "d.png", &file(Format::Png, 8, RIG));
         watch(root, 20.0, &Cell::new(begin), &mut |_| ());
         assert_eq!(in_order(root), [&order[..], &["d.png"]].concat(), "{jump}");
@@ -97,7 +97,7 @@ fn damaged_photos_from_the_future_delay_no_others() {
         let name = format!("{n}.png");
         drop_in(root, &name, &damaged);
         let dropped = File::options().write(true).open(root.join("inbox").join(name)).unwrap();
-        // By a camera whose clock is ahead, or a box whose clock was set back.
+        // Dated by a camera whose clock is ahead, or before the box's clock was set back.
         let ahead = Duration::from_secs(400 * DAY_S as u64);
         dropped.set_modified(UNIX_EPOCH + Duration::from_secs(CALENDAR_UNIX_S) + ahead).unwrap();
     }

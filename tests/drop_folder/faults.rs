@@ -22,14 +22,15 @@ use crate::model_disk::{Contents, ModelDisk, Op, Verdict};
 use crate::power::{TINY, good};
 use crate::power_checks::{Dropped, ROOT, at_every_instant, in_the_end};
 
-/// Scripts by default.
+/// Number of scripts by default.
 const SCRIPTS: u64 = 60;
 
-/// Runs of the daemon in a script, and steps in a run.
+/// Number of runs of the daemon in a script.
 const LIVES: usize = 6;
+/// Maximum number of steps in a run.
 const STEPS: usize = 60;
 
-/// Random numbers of a seed: SplitMix64 (Steele, Lea, Flood 2014).
+/// Random numbers from a seed: SplitMix64 (Steele, Lea, Flood 2014).
 struct Chance(u64);
 
 impl Chance {
@@ -51,9 +52,9 @@ impl Chance {
 struct Plan {
     full: bool,
     gone: bool,
-    /// Operations until one fails.
+    /// Number of operations before one fails.
     fails_in: Option<usize>,
-    /// Operations until the power is cut.
+    /// Number of operations before the power is cut.
     cut_in: Option<usize>,
 }
 
@@ -90,7 +91,7 @@ struct World {
     chance: Chance,
     plan: Arc<Mutex<Plan>>,
     disk: ModelDisk,
-    /// Photos not dropped yet, whole.
+    /// Whole photos that have not been dropped yet.
     to_come: Vec<Dropped>,
     /// The photo being copied, and its path.
     half: Option<(PathBuf, Dropped)>,
@@ -386,7 +387,7 @@ fn no_fault_harms_a_photo() {
     assert!(photos > 0);
 }
 
-/// The disk of a box whose inbox lies on another file system.
+/// The model disk refuses to rename between folders, as if the inbox were on another file system.
 #[test]
 fn photos_are_taken_from_an_inbox_on_another_file_system() {
     let guard = |op: &Op, _: &Contents| match op {

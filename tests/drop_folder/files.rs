@@ -164,12 +164,12 @@ fn formats_are_recognised_by_content_and_unwritable_ones_become_png() {
         assert!(report.result.ends_with(".png"), "{}", report.result);
     }
     assert!(root.join("outbox/12.5.2024.png").is_file());
-    // Without a trailer, or cut in a later picture.
+    // A GIF without its trailer, or cut within a later picture, is restored.
     for (name, end) in [("d.gif", &b""[..]), ("e.gif", b",\0\0")] {
         drop_in(root, name, &[&gif[..gif.len() - 1], end].concat());
         assert_eq!(once(root).restored.len(), 1, "{name}");
     }
-    // Incomplete ones are rejected; unchanged ones are delivered as they are.
+    // Incomplete files are rejected; files of unchanged photos are delivered as they are.
     for (name, bytes) in [("a.webp", &webp), ("b.bmp", &bmp), ("c.gif", &gif)] {
         drop_in(root, name, &bytes[..bytes.len() / 2]);
         let failed = once(root).failed;
@@ -264,7 +264,7 @@ fn links_and_pipes_are_rejected() {
 fn a_rotated_photo_is_restored_in_sensor_orientation_and_delivered_upright() {
     let root = fresh_root();
     let root = root.path();
-    // EXIF: one directory with one entry, orientation 6; and a profile to carry.
+    // EXIF: one directory with one entry, orientation 6. And a profile that the result must keep.
     let mut exif = b"II*\0\x08\0\0\0\x01\0".to_vec();
     exif.extend_from_slice(&[0x12, 0x01, 3, 0, 1, 0, 0, 0, 6, 0, 0, 0, 0, 0, 0, 0]);
     let icc = moxcms::ColorProfile::new_display_p3().encode().unwrap();
@@ -280,7 +280,8 @@ fn a_rotated_photo_is_restored_in_sensor_orientation_and_delivered_upright() {
         assert_eq!(result.manner.icc.as_ref(), Some(&icc));
         assert_eq!(result.manner.exif.as_ref().map(Vec::len), Some(exif.len()));
     }
-    // Stored upright, its rotation is unknown where the sensor's pattern is.
+    // A photo stored upright does not state which way the camera was turned, and this rig has no
+    // gain pattern of the sensor that would show it.
     drop_in(root, "upright.png", &file(Format::Png, 8, Size::new(48, 64)));
     let failed = once(root).failed;
     assert!(failed[0].reason.contains("found 48×64 in portrait"), "{failed:?}");
@@ -302,13 +303,13 @@ fn another_size_of_the_same_shape_is_resampled_with_a_note() {
     let report = &summary.restored[0];
     assert!(report.notes[0].contains("its result is smaller"), "first of all: {:?}", report.notes);
     assert!(report.line().starts_with("big.png: restored smaller, 64×48 instead of 256×192"));
-    // An unchanged photo is the file itself, without loss.
+    // An unchanged photo is delivered as the file itself, at full size.
     drop_in(root, "left.png", &file(Format::Png, 8, Size::new(256, 192)));
     let mut restorer = Brightener { untouched: true, ..Brightener::default() };
     let untouched = once_with(root, &mut restorer, &mut ()).unwrap().untouched;
     assert!(untouched[0].notes.is_empty(), "{:?}", untouched[0].notes);
     assert_eq!(read_back(&root.join("outbox/left.png")).light.size(), Size::new(256, 192));
-    // Larger photos are rejected where the rig file says so.
+    // Larger photos are rejected if the rig file says so.
     drop_in(root, "big.png", &file(Format::Png, 8, Size::new(256, 192)));
     drop_in(root, "small.png", &file(Format::Png, 8, Size::new(32, 24)));
     let mut refusing = setting();

@@ -1,6 +1,6 @@
 //! Mutated input: photos of each format, the rig file, calibration slots, records of photos under
-//! way. A fixed seed and number of mutations: cuts, flips, runs, splices, numbers at their limits.
-//! No input may cause a panic or a hang, or be accepted wrongly.
+//! way. Seed and number of mutations are fixed; mutations are cuts, flips, runs, splices and
+//! numbers at their limits. No input may cause a panic or a hang, or be accepted wrongly.
 
 use std::path::Path;
 
@@ -11,7 +11,7 @@ use relens::picture::{Format, Limits, Photo};
 
 use crate::bed::*;
 
-/// Numerical Recipes' linear congruential generator; any will do.
+/// Knuth's linear congruential generator for MMIX; any will do.
 pub struct Mutator(pub u64);
 
 impl Mutator {
@@ -194,7 +194,7 @@ fn mutated_records_lose_no_photo() {
         let root = root.path();
         std::fs::create_dir_all(root.join("working")).unwrap();
         std::fs::create_dir_all(root.join("outbox")).unwrap();
-        // A foreign result of that name.
+        // A result of that name that relens did not write.
         std::fs::write(root.join("outbox/a.png"), b"somebody else's").unwrap();
         std::fs::write(root.join("working/a.png"), &bytes).unwrap();
         // FNV-1a of the name, as in the ledger.

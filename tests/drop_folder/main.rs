@@ -2,7 +2,7 @@
 
 // Shared test functions may panic as tests do.
 #![allow(clippy::unwrap_used)]
-// Files of one test crate share by `pub`.
+// Files of one test crate share items with `pub`.
 #![allow(unreachable_pub)]
 
 mod attended;

@@ -1,5 +1,5 @@
-//! A model disk with minimal guarantees: synchronised data survive a power cut; of everything else
-//! any part may.
+//! A model disk with minimal guarantees: synchronised data survive a power cut, and any part of
+//! everything else may be lost.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::ffi::OsString;
@@ -10,7 +10,7 @@ use std::sync::{Arc, Mutex, MutexGuard};
 
 use relens::disk::{Disk, FileKind, Metadata, Unsynced};
 
-/// An operation.
+/// An operation on the disk.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Op {
     /// Reads names or content.
@@ -85,7 +85,8 @@ impl Unsafe {
 }
 
 impl Contents {
-    /// Makes changes durable that `concern` a name, and earlier ones of the same names.
+    /// Makes changes durable if `concern` holds for one of their names, and earlier ones of these
+    /// names.
     fn make_durable(&mut self, concern: &dyn Fn(&Path) -> bool) {
         let Contents { pending, kept, .. } = self;
         let mut names: BTreeSet<PathBuf> = BTreeSet::new();
@@ -129,16 +130,16 @@ impl Contents {
         &self.folders
     }
 
-    /// Makes the content of `path` not durable, as that of a copy not synchronised.
+    /// Makes the content of `path` not durable, as if a copy had not been synchronised.
     pub fn forget_sync(&mut self, path: &Path) {
         if let Some(inode) = self.names.get(path).and_then(|inode| self.inodes.get_mut(inode)) {
             inode.durable = false;
         }
     }
 
-    /// All states possible after a power cut: every subset of the pending changes of names, or the
-    /// significant ones when there are too many; content not durable in every state of damage.
-    /// `spared` files are not damaged.
+    /// All states possible after a power cut: every subset of the pending changes of names (only
+    /// significant subsets of more than six changes), with each kind of damage to content that is
+    /// not durable. Files for which `spared` holds are not damaged.
     pub fn cuts(&self, spared: &dyn Fn(&Path) -> bool) -> Vec<Survivors> {
         // Files rewritten at each start would only multiply the choices.
         let ignored = |path: &&PathBuf| {
@@ -192,7 +193,7 @@ fn apply(change: &Change, names: &mut BTreeMap<PathBuf, u64>) {
         Change::Made(path, inode) => {
             names.insert(path.clone(), *inode);
         }
-        // A file whose making did not survive cannot be renamed or removed.
+        // A file whose creation did not survive cannot be renamed or removed.
         Change::Renamed(from, to) => {
             if let Some(inode) = names.remove(from) {
                 names.insert(to.clone(), inode);
@@ -256,7 +257,7 @@ impl ModelDisk {
     }
 
     fn inside(&self) -> MutexGuard<'_, Inside> {
-        // Poisoned where a test stopped the daemon in an operation.
+        // The lock is poisoned if a test stopped the daemon during an operation.
         self.0.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
     }
 

@@ -41,7 +41,7 @@ impl Fault {
 }
 
 /// A disk with `bad` bad files and a good one dropped last, and the summary of a daemon that ran
-/// once or for `watch_s`.
+/// once, or for `watch_s` seconds if given.
 fn served(fault: Fault, bad: usize, watch_s: Option<f64>) -> (ModelDisk, Summary) {
     let guard = move |op: &Op, _: &Contents| fault.of(op).map_or(Ok(Verdict::Done), Err);
     let disk = ModelDisk::new(Contents::default(), Box::new(guard));
@@ -98,7 +98,7 @@ fn with_bad(files: usize) -> tempfile::TempDir {
     root
 }
 
-/// Order of turns.
+/// Names of photos in the order in which they were begun.
 struct Turns(Vec<String>);
 
 impl Watcher for Turns {

@@ -1,4 +1,4 @@
-//! Folders that go away and come back while the daemon stands, and disks without room for names.
+//! Folders that disappear and come back while the daemon runs, and disks without free inodes.
 
 use std::cell::RefCell;
 use std::path::Path;
@@ -13,7 +13,7 @@ use relens::picture::Format;
 use crate::bed::*;
 use crate::model_disk::{Contents, ModelDisk, Op, Verdict};
 
-/// Reasons for which the daemon was held, each counted once in a row.
+/// Reasons for which the daemon was held, without consecutive repetitions.
 #[derive(Default)]
 struct Reasons(Vec<String>);
 
@@ -50,7 +50,7 @@ fn watch(folders: Folders, world: &mut dyn FnMut(f64)) -> (Vec<String>, usize) {
 }
 
 /// A world in which `away` is called at 20 s, a photo dropped into `inbox` at 21 s, and `back`
-/// called at 100 s; the photo must have its result 10 s after.
+/// called at 100 s; the photo must have its result within 10 s of that.
 fn away_and_back<'a>(
     root: &'a Path,
     inbox: &'a Path,
@@ -75,7 +75,7 @@ fn away_and_back<'a>(
     }
 }
 
-/// Checks that both photos came through, and that `reasons` is one sentence with `words`.
+/// Checks that both photos were restored, and that the only reason contains all `words`.
 fn both_came_through(root: &Path, (reasons, restored): (Vec<String>, usize), words: &[&str]) {
     assert!(reasons.len() == 1, "one sentence: {reasons:#?}");
     assert!(words.iter().all(|word| reasons[0].contains(word)), "{words:?}: {reasons:?}");
@@ -153,7 +153,7 @@ fn a_share_that_is_gone_is_one_sentence_and_not_one_a_photo() {
     for errno in [19, 107, 116, 110, 113] {
         let gone = Arc::new(AtomicI32::new(0));
         let (now_gone, place) = (Arc::clone(&gone), inbox.clone());
-        // Names are still cached; their files are not.
+        // The names in the share are still cached, but its files cannot be read.
         let guard = move |op: &Op, _: &Contents| match (op, now_gone.load(Ordering::SeqCst)) {
             (Op::Read(path) | Op::Rename(path, _), errno @ 1..)
                 if path.parent() == Some(&place) =>
@@ -179,8 +179,8 @@ fn a_share_that_is_gone_is_one_sentence_and_not_one_a_photo() {
     }
 }
 
-/// Runs the ignored test `name` of this file as root of its own mounts; false where that is not
-/// allowed.
+/// Runs the ignored test `name` of this file as root in a mount namespace of its own; returns false
+/// if that is not allowed.
 fn with_own_mounts(name: &str) -> bool {
     let allowed = Command::new("unshare").args(["-rm", "true"]).output();
     if !allowed.is_ok_and(|it| it.status.success()) {

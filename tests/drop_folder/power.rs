@@ -26,17 +26,17 @@ use crate::power_checks::{Dropped, ROOT, at_every_instant, in_the_end};
 
 pub const TINY: Size = Size::new(8, 6);
 
-/// Identifies an operation: part of the job, operation with numbers removed from its names, and
-/// count among equals.
+/// Identifies an operation: the part of the job, the operation with numbers removed from its names,
+/// and its index among equal ones.
 pub type Label = (&'static str, String, usize);
 
-/// Operations after which a life counts as endless; a usual one has about a hundred.
+/// Number of operations after which a run is considered endless; a usual run has about a hundred.
 const OPERATIONS_MAX: usize = 1000;
 
-/// Names of photos.
+/// Names of the photos that were begun.
 type Begun = BTreeSet<OsString>;
 
-/// Ends the program after each attempt recorded.
+/// Ends the program each time an attempt has been recorded, if true.
 struct Poison(bool);
 
 impl Watcher for Poison {
@@ -81,7 +81,7 @@ fn without_numbers(op: &Op) -> String {
     }
 }
 
-/// Nights; by this model's calendar it is day, and photos wait.
+/// A window at night. By this model's calendar it is day, so photos wait.
 fn by_night() -> Nights {
     Nights {
         window: "22:00-06:00".into(),
@@ -92,12 +92,12 @@ fn by_night() -> Nights {
     }
 }
 
-/// Runs once on `contents`, omitting the operation `skip`.
+/// Runs the daemon once on `contents`, omitting the operation `skip`.
 fn live(contents: Contents, skip: Option<&Label>, poisoned: bool) -> Life {
     live_in(false, contents, skip, poisoned)
 }
 
-/// [`live`]; a box with `nights` begins no photo, for it is day.
+/// Does the same as [`live`]; with `nights` the box begins no photo, because it is day.
 pub fn live_in(nights: bool, contents: Contents, skip: Option<&Label>, poisoned: bool) -> Life {
     type Seen = (Vec<(Contents, Begun)>, Vec<Label>);
     let seen: Arc<Mutex<Seen>> = Arc::default();
@@ -193,13 +193,13 @@ pub fn filled(dropped: &[Dropped], before: Option<&Contents>) -> Contents {
     Folders::on(Arc::new(empty.clone()), Path::new(ROOT)).unwrap();
     let start = before.cloned().unwrap_or_else(|| empty.contents());
     let disk = ModelDisk::new(start, Box::new(|_, _| Ok(Verdict::Done)));
-    // What a cut left of a life before.
+    // Temporary files left by a power cut in an earlier run.
     for (inode, folder) in (90..).zip(disk.contents().folders().clone()) {
         disk.drop_in(&folder.join(".relens-1-1.tmp"), b"half", inode);
     }
     for (inode, photo) in (1..).zip(dropped) {
         let path = Path::new(ROOT).join("inbox").join(photo.name);
-        // Of photos dropped before, only the last is new.
+        // On a disk from an earlier run, only the last photo is new.
         if before.is_none() || inode as usize == dropped.len() {
             disk.drop_in(&path, &photo.bytes, inode);
         }
@@ -211,7 +211,7 @@ pub fn filled(dropped: &[Dropped], before: Option<&Contents>) -> Contents {
     contents
 }
 
-/// What the search found on its way.
+/// Numbers of states and power cuts that a search visited, and the operations that it saw.
 #[derive(Debug, Default)]
 pub struct Found {
     pub states: usize,
@@ -235,8 +235,8 @@ fn search(
     search_in(false, starts, dropped, skip, &|_, _| Ok(()))
 }
 
-/// [`search`] of a box with or without `nights`; `also` must hold for the disk at every instant,
-/// and is told the end.
+/// Does the same as [`search`] for a box with or without `nights`. `also` checks the disk at every
+/// instant; its second argument is true at the end of a run.
 pub fn search_in(
     nights: bool,
     starts: Vec<Contents>,
@@ -261,7 +261,7 @@ pub fn search_in(
                 }
                 also(&contents.now(), true)?;
             }
-            // A copy not synchronised and not begun may be lost.
+            // The daemon need not protect a photo that was neither synchronised nor begun.
             let spared = |path: &Path| {
                 let name = path.file_name().unwrap_or_default();
                 dropped.iter().any(|photo| photo.name == name) && !begun.contains(name)
@@ -283,7 +283,7 @@ pub fn search_in(
     Ok(found)
 }
 
-/// Photos reported as done or rejected must not wait again.
+/// Checks that photos reported as done or rejected do not wait again.
 fn settled(disk: &Survivors, summary: &Summary) -> Result<(), String> {
     let waits = |name: &str| {
         disk.keys()
@@ -297,7 +297,8 @@ fn settled(disk: &Survivors, summary: &Summary) -> Result<(), String> {
     }
 }
 
-/// A photo that always ends the program is rejected by the fourth start, whatever the disk forgot.
+/// Checks that the fourth start rejects a photo that always ends the program, whatever the disk
+/// lost.
 fn search_poison(start: Contents, dropped: &[Dropped], skip: Option<&Label>) -> Result<(), String> {
     let mut level = vec![start];
     for _ in 0..3 {
@@ -323,7 +324,7 @@ fn search_poison(start: Contents, dropped: &[Dropped], skip: Option<&Label>) -> 
     Ok(())
 }
 
-/// A photo of brightness `level`, increasing to the right.
+/// A photo of brightness `level`, increasing towards the lower right, and its result.
 pub fn good(name: &'static str, level: f32) -> Dropped {
     let light: Frame<Work> =
         Frame::from_fn(|_| Plane::from_fn(TINY, |x, y| level + (x * y) as f32));
@@ -376,8 +377,8 @@ const UNSEEN: [(&str, &str, &str); 4] = [
     ("start", "sync folder box/outbox", "the same for the folder of previews"),
 ];
 
-/// Every so many operations one is omitted; with `RELENS_POWER=all` each. Prime, so that no kind of
-/// operation is skipped systematically.
+/// Interval of the operations omitted in turn; with `RELENS_POWER=all` each one is. Prime, so that
+/// no kind of operation is passed over systematically.
 const OMITTED_EVERY: usize = 7;
 
 #[test]

@@ -27,8 +27,8 @@ fn name(path: &Path) -> &str {
     path.file_name().and_then(OsStr::to_str).unwrap_or("")
 }
 
-/// Every photo is whole and in exactly one place; every result is whole, with report and previews;
-/// photos in `done` have a result, photos in `failed` a note.
+/// Checks that every photo is whole and in exactly one place, every result is whole and has its
+/// report and previews, and photos in `done` have a result, photos in `failed` a note.
 pub fn at_every_instant(disk: &Survivors, dropped: &[Dropped]) -> Result<(), String> {
     let at =
         |path: &str| disk.get(Path::new(&format!("{ROOT}/{path}"))).map(|(_, holds)| &holds[..]);
@@ -92,15 +92,15 @@ fn results<'a>(disk: &'a Survivors, photo: &Dropped) -> Vec<&'a PathBuf> {
     disk.iter().filter(is).map(|(path, _)| path).collect()
 }
 
-/// No photo waits or is under way, and no temporary file remains; each photo is done with one
-/// result or rejected without.
+/// Checks that no photo waits or is under way, no temporary file remains, and each photo is done
+/// with one result or rejected without a result.
 pub fn in_the_end(disk: &Survivors, dropped: &[Dropped]) -> Result<(), String> {
     at_every_instant(disk, dropped)?;
     for photo in dropped {
         let home = disk
             .iter()
             .find(|(path, (_, holds))| folder(path) != "outbox" && holds[..] == photo.bytes[..]);
-        // A good photo rejected because the program ended too often.
+        // A good photo may be rejected because the program ended too often.
         let note =
             home.and_then(|(path, _)| disk.get(Path::new(&format!("{}.txt", path.display()))));
         let interrupted =

@@ -34,7 +34,7 @@ fn watch(
     (summary, restorer.restored)
 }
 
-/// Settings without events of the inbox.
+/// Settings of a daemon that receives no events from the inbox.
 fn without_events() -> DaemonSetting {
     DaemonSetting { hints: false, ..setting() }
 }
@@ -307,7 +307,7 @@ fn the_state_counts_waiting_photos_by_what_they_wait_for() {
     watch(root, 10.0, without_events(), &mut |_| ());
     let counts = State::read(root).unwrap().unwrap().counts.to_string();
     assert_eq!(counts, format!("{one}, 1 waiting ({half})"), "after a restart");
-    // The page of an idle box says the same, with name and reason.
+    // The gallery page of an idle box shows the same count, with name and reason.
     let page = || std::fs::read_to_string(root.join("outbox/index.html")).unwrap();
     let mut pages = Vec::new();
     let mut look = |now: f64| {
@@ -370,7 +370,7 @@ fn a_photo_written_to_after_it_was_taken_is_restored_again() {
     let root = fresh_root();
     let root = root.path();
     std::fs::create_dir_all(root.join("inbox")).unwrap();
-    // A program that holds the file open, and adds to it once it was restored.
+    // Another program holds the file open, and appends to it after it was restored.
     let mut open = std::fs::File::create(root.join("inbox/a.jpg")).unwrap();
     open.write_all(&whole).unwrap();
     let (mut trailer, mut added_at) = (Some(b"ftypmp42 and a movie"), 0.0);
@@ -414,7 +414,7 @@ fn a_photo_written_to_while_it_is_restored_waits_for_the_next_attempt() {
 fn a_copy_that_reserved_its_space_is_waited_for() {
     let root = fresh_root();
     let root = root.path();
-    // The directory of pixels comes first: a plain picture, whose rows are still to come.
+    // Only the header of a plain picture (PGM) has been copied; its rows are still to come.
     let mut whole = b"P5 64 48 255\n".to_vec();
     whole.extend((0..64 * 48).map(|n| (n % 251) as u8));
     std::fs::create_dir_all(root.join("inbox")).unwrap();

@@ -12,7 +12,7 @@ use crate::bed::*;
 #[test]
 fn the_remedy_decides_the_outcome() {
     use Remedy::{CallOperator, Recalibrate, ReopenRig, RetryLater, ShootAgain, SkipPhoto};
-    // Failures in order; outcome; repairs.
+    // Each case: failures in order, outcome, repairs.
     let cases: [(&[Remedy], &str, &[Remedy]); 7] = [
         (&[ShootAgain], "restored", &[]),
         (&[ReopenRig, Recalibrate], "restored", &[ReopenRig, Recalibrate]),

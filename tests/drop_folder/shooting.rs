@@ -28,27 +28,27 @@ use crate::model_disk::{Contents, ModelDisk, Op, Survivors, Verdict};
 use crate::power::{TINY, canonical, filled};
 use crate::power_checks::{Dropped, ROOT, at_every_instant, in_the_end};
 
-/// The world of a test's box.
+/// State of the world around the box.
 #[derive(Default)]
 pub struct Scene {
     pub panel: Option<PanelView>,
     /// Displacement of the panel, px; a calibration resets it unless `unsteady`.
     pub moved_px: f64,
     pub unsteady: bool,
-    /// The user cancels measurements of the lens.
+    /// Whether the user cancels measurements of the lens.
     pub gives_up: bool,
     /// Failures of the next photos, the next one last.
     pub failures: Vec<Remedy>,
-    /// Photos are returned unchanged.
+    /// Whether photos are returned unchanged.
     pub untouched: bool,
-    /// Time from the press to the photo.
+    /// Time from the press to the photo, seconds.
     pub countdown_s: f64,
 }
 
-/// The status line of the gallery.
+/// Path of the gallery's status line.
 const NOW: &str = "outbox/gallery/now.html";
 
-/// A camera of a few pixels in that world.
+/// A camera of a few pixels in the world of a [`Scene`].
 #[derive(Default)]
 struct Camera {
     inner: Brightener,
@@ -77,7 +77,7 @@ impl Restorer for Camera {
     fn mend(&mut self, remedy: Remedy) -> Result<(), AnyFailure> {
         let mut scene = self.scene.borrow_mut();
         if remedy == Remedy::Recalibrate {
-            // It takes a minute; without a view of the panel, users read the page.
+            // A measurement takes a minute; users who cannot see the panel read the gallery's page.
             let page = std::fs::read_to_string(&self.now).unwrap();
             assert!(page.contains("measuring the lens"), "{page}");
         }
@@ -104,12 +104,12 @@ impl Restorer for Camera {
     }
 }
 
-/// Forwards, and records screens and photos.
+/// Forwards calls to `inner`, and records the screens shown and the photos taken.
 pub struct Watched<'a> {
     pub inner: &'a mut dyn Restorer,
     pub screens: Rc<RefCell<Vec<Screen>>>,
     pub taken: Rc<RefCell<Vec<Vec<u8>>>>,
-    /// Whether the panel was asked for, after the photo was saved.
+    /// Whether the user was asked for the panel, which happens after the photo was saved.
     pub asked: Arc<AtomicBool>,
 }
 
@@ -151,7 +151,7 @@ pub struct Ran {
     pub taken: Vec<Vec<u8>>,
 }
 
-/// Runs a box that takes photos on `folders` until `until_s`, calling `act`.
+/// Runs a box that takes photos on `folders` until `until_s`; `act` is called before each step.
 pub fn run(
     folders: Folders,
     setting: DaemonSetting,
@@ -260,7 +260,7 @@ fn a_press_takes_a_photo_that_is_restored_when_the_panel_is_there() {
 fn the_lamps_show_whether_a_photo_was_restored() {
     let root = fresh_root();
     let scene = Scene { panel: Some(PanelView::There), untouched: true, ..Scene::default() };
-    // While the result is shown; the button works meanwhile.
+    // The lamps while the result is shown; the button works meanwhile.
     let (refused, ready) = (Is(BoxState::Refused), Is(BoxState::Ready));
     let acts = [(10.0, Act::Press), (40.0, refused), (40.0, Act::Press), (299.0, ready)];
     let (ran, _) = journey(root.path(), scene, 300.0, &acts);
@@ -276,7 +276,7 @@ fn a_second_press_cancels_the_countdown() {
     acts.extend(counting(10.0));
     acts.extend([(14.0, Is(BoxState::Asking)), (30.0, Act::Press)]);
     acts.extend(counting(30.0));
-    // The earlier request continues.
+    // The earlier request for the panel continues.
     acts.extend([(32.7, Act::Press), (40.0, Is(BoxState::Asking))]);
     let scene = Scene { countdown_s: 3.0, ..Scene::default() };
     let (ran, _) = journey(root.path(), scene, 50.0, &acts);
@@ -290,7 +290,7 @@ fn a_second_press_cancels_the_countdown() {
     let [three, two, one] = [3, 2, 1].map(Some);
     assert_eq!(counted, [three, two, one, None, three, two, one]);
 
-    // Before the first photo, by a short and a long press.
+    // Cancelled before the first photo, by a short and a long press.
     for cancel in [Act::Press, Hold] {
         let root = fresh_root();
         let acts = [(10.0, Act::Press), (11.0, cancel), (20.0, Is(BoxState::Ready))];
@@ -392,7 +392,7 @@ fn a_photo_in_the_inbox_at_the_start_asks_for_the_panel() {
     assert_eq!(ran.summary.restored.len(), 1);
 }
 
-/// One run on `disk`: a press at the beginning if `press`, the panel in place.
+/// Runs a box on `disk` with the panel in place; if `press`, the button is pressed at the start.
 fn live(disk: &ModelDisk, press: bool, asked: Arc<AtomicBool>) -> Ran {
     let scene = Rc::new(RefCell::new(Scene { panel: Some(PanelView::There), ..Scene::default() }));
     let mut camera = Camera { scene, ..Camera::default() };

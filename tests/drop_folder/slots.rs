@@ -50,7 +50,8 @@ fn saved_on(survivors: &Survivors, rig: u64) -> Result<u32, String> {
     store::load_from(&disk, Path::new(FOLDER), rig).map(|c| c.generation).map_err(|e| e.to_string())
 }
 
-/// Saves one generation after another with cuts at every instant, continuing from each disk left.
+/// Saves one generation after another with cuts at every instant, continuing from each resulting
+/// disk.
 fn search(first: &Calibration, skip: Option<usize>) -> Result<(usize, usize), String> {
     let empty = ModelDisk::new(Contents::default(), Box::new(|_, _| Ok(Verdict::Done)));
     empty.make_folder(Path::new(FOLDER)).unwrap();

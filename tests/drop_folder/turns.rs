@@ -53,7 +53,7 @@ fn calendar() -> SystemTime {
     UNIX_EPOCH + Duration::from_secs(4_000_000_000)
 }
 
-/// Three photos, the oldest named last, and a broken one, newest.
+/// Fills the inbox with three photos, the oldest last by name, and a broken one, the newest.
 fn inbox(root: &std::path::Path) {
     for (age, name) in [(30, "c.png"), (20, "b.png"), (10, "a.png"), (5, "broken.png")] {
         let bytes =

@@ -8,7 +8,7 @@ use crate::model_disk::{Contents, ModelDisk, Survivors, Verdict};
 use crate::power::{Found, Label, canonical, filled, good, live_in, search_in};
 use crate::power_checks::{Dropped, ROOT};
 
-/// A restored photo and a night that withdraws its result: every state reachable by power cuts.
+/// Visits every state that power cuts can lead to while a night withdraws the result of a photo.
 fn search(skip: Option<&Label>) -> Result<Found, String> {
     let photo = good("a.png", 30.0);
     let life = live_in(false, filled(std::slice::from_ref(&photo), None), None, false);
@@ -31,7 +31,8 @@ fn search(skip: Option<&Label>) -> Result<Found, String> {
     })
 }
 
-/// Withdrawn results are whole; in the end the photo waits, and result and report are withdrawn.
+/// Checks that withdrawn results are whole; in the end the photo waits, its result and report
+/// withdrawn.
 fn withdrawn(disk: &Survivors, photo: &Dropped, end: bool) -> Result<(), String> {
     let root = Path::new(ROOT);
     let folder = root.join("outbox/withdrawn");
@@ -65,8 +66,8 @@ fn withdrawal_survives_power_cuts_and_needs_each_synchronisation() {
             Ok(_) => unseen.push((&label.1[..], label.2)),
         }
     }
-    // Those of folders, which are durable at once on this disk, and of the night's record, without
-    // which the withdrawal is repeated.
+    // Omitting these is harmless: folders are durable at once on this disk, and without the night's
+    // record the withdrawal is repeated.
     let harmless = ["sync folder /box", "sync folder box/outbox", "sync box/temporary"];
     unseen.retain(|(words, _)| !harmless.contains(words));
     assert!(unseen.is_empty(), "omitted without harm: {unseen:#?}");

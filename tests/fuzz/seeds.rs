@@ -18,7 +18,7 @@ use relens::deconvolution::panel_beat::ColumnWave;
 use relens::frame::{Channel, Frame, Mosaic, Plane, Size, Work};
 use relens::picture::{ColorType, Dng, Format, Limits, Manner, Photo, RawTags, encode, worker};
 
-/// Photos of each format, depth and layout, with and without a profile, and a raw photo.
+/// Writes photos of each format, depth and layout, with or without a profile, and a raw one.
 fn photos(folder: &Path) {
     let icc = moxcms::ColorProfile::new_display_p3().encode().unwrap();
     let scene: Frame<Work> = Frame::from_fn(|c| {
@@ -58,7 +58,8 @@ fn photos(folder: &Path) {
     fs::write(folder.join("raw.dng"), raw.bytes()).unwrap();
 }
 
-/// Answers of a worker of `program` to two photos, a raw one and no photo.
+/// Writes the answers of a worker of `program` to two photos, a raw photo and a file that is no
+/// photo.
 fn answers(program: &Path, photos: &Path, folder: &Path) {
     let size = Size::new(16, 12);
     let grid = format!(r#"{{"width":{},"height":{}}}"#, size.width, size.height);
@@ -87,7 +88,7 @@ fn answers(program: &Path, photos: &Path, folder: &Path) {
     }
 }
 
-/// The program's own rig files, and the README's tables for an appliance.
+/// Writes the program's own rig files without comments.
 fn rig_files(from: &Path, folder: &Path) {
     for entry in fs::read_dir(from).unwrap().flatten() {
         if entry.path().extension().is_none_or(|extension| extension != "toml") {
@@ -101,7 +102,7 @@ fn rig_files(from: &Path, folder: &Path) {
             .filter(|l| !l.starts_with('#'))
             .collect();
         let bare = bare.join("\n");
-        // A rig of devices is parsed to its end, and then refused by a program without them.
+        // A rig of devices is parsed to its end, then refused by a program built without devices.
         if let Err(refused) = config::parse(&bare, "seed") {
             assert!(
                 refused.to_string().contains("a rig of real devices"),
@@ -113,7 +114,7 @@ fn rig_files(from: &Path, folder: &Path) {
     }
 }
 
-/// A calibration of the target's rig.
+/// Writes a calibration of the rig of `targets/calibration.rs`.
 fn calibration(folder: &Path) {
     let canvas = Domain { left: -4.0, top: -4.0, right: 43.0, bottom: 33.0 };
     let geometry = Geometry::one_to_one(canvas, 5.0, 5.0);
@@ -160,8 +161,8 @@ fn calibration(folder: &Path) {
     assert_eq!(store::load(folder, 7).unwrap(), calibration);
 }
 
-/// What the daemon writes for itself; `@file`, `@crc` and `@bytes` are put in by the target, which
-/// knows the photo.
+/// Writes records of the daemon. The target, knowing the photo, fills in `@file`, `@crc` and
+/// `@bytes`.
 fn records(folder: &Path) {
     let name = "[97,46,112,110,103]";
     let ledger = |attempts: u32, result: &str| {

@@ -50,7 +50,7 @@ impl Appearance {
         self.luminance.size()
     }
 
-    /// Codes, red, green and blue of one pixel after the other.
+    /// Codes in bytes: red, green and blue of each pixel in turn.
     pub(crate) fn bytes(&self) -> Vec<u8> {
         let [r, g, b] = self.codes.each_ref().map(|plane| plane.data());
         let pixels = r.iter().zip(g).zip(b);

@@ -1,4 +1,5 @@
-//! A camera finer than its lens: photos solved at its own grid and binned, delivered at its own.
+//! A camera with pixels finer than its lens: photos are solved on its own pixels and on binned
+//! ones, and delivered on its own.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -27,7 +28,7 @@ use crate::made::Made;
 use crate::view::{KEPT, Subject, View};
 use crate::{Failure, seconds};
 
-/// The lens of `rig` before a camera with `times` the pixels along each side, binned by `by`.
+/// `rig` with a camera of `times` the pixels along each side, binned by `by`.
 fn camera(rig: &RigFile, times: usize, by: usize) -> RigFile {
     let mut rig = rig.clone();
     let finer = times as f64;
@@ -58,7 +59,7 @@ fn camera(rig: &RigFile, times: usize, by: usize) -> RigFile {
     rig
 }
 
-/// A raw and a developed photo of `light` by the camera of `witness`.
+/// A developed photo of `light` by the camera of `witness`, and a raw one if it has colour filters.
 fn taken(
     rig: &RigFile,
     witness: &Witness,
@@ -89,7 +90,7 @@ fn taken(
 
 const SCENES: [Scene; 3] = [Scene::Astronaut, Scene::Coffee, Scene::Rocket];
 
-/// A camera that delivers its frames again, so that no simulator is in the way of the clock.
+/// A camera that can replay its frames, so that no time of the simulator is measured.
 struct Replaying {
     inner: Box<dyn Camera + Send>,
     frames: Vec<Counts>,
@@ -125,7 +126,7 @@ struct Restored {
     peak_mib: f64,
 }
 
-/// Restores `photo` twice: with the simulator's captures, and timed with the same frames.
+/// Restores `photo` twice: with simulated captures, then, timed, with the same frames replayed.
 fn restore(
     restorer: &mut OnRig,
     is_replaying: &AtomicBool,
@@ -135,17 +136,17 @@ fn restore(
     is_replaying.store(false, Ordering::Relaxed);
     drop(once()?);
     is_replaying.store(true, Ordering::Relaxed);
-    // The peak is measured from here on (proc(5)).
+    // Resets the peak of resident memory (proc(5)).
     std::fs::write("/proc/self/clear_refs", "5")?;
     let (before, begun) = (resident("VmRSS")?, seconds());
     let picture = once()?.delivered(photo).whole().into_owned();
     let (seconds, grown) = (seconds() - begun, resident("VmHWM")? - before);
-    // The photo's light was there before.
+    // The photo's light was in memory before, so its size is added.
     let photo_mib = 12.0 * photo.light.size().area() as f64 / f64::from(1 << 20);
     Ok(Restored { picture, seconds, peak_mib: grown + photo_mib })
 }
 
-/// A line of the process's memory, MiB.
+/// Memory of this process by the line `name` of /proc/self/status, MiB.
 fn resident(name: &str) -> Result<f64, Failure> {
     let status = std::fs::read_to_string("/proc/self/status")?;
     let line = status.lines().find(|line| line.starts_with(name)).ok_or("no such line")?;
@@ -161,7 +162,7 @@ struct Bed {
 }
 
 impl Bed {
-    /// The rig `file` with its calibration in `folder`.
+    /// Opens and calibrates `rig`, and stores its calibration in `folder`.
     fn open(rig: RigFile, folder: &Path) -> Result<Bed, Failure> {
         let (mut devices, witness) = open(&rig)?;
         let calibration = calibrate(&mut devices, &rig, None, &mut to_the_end)?;
@@ -183,7 +184,7 @@ impl Bed {
         Ok(Bed { rig, witness, restorer, is_replaying })
     }
 
-    /// Adds the scores of photos of `subject`, whose noise has `seed`, to `table`.
+    /// Adds to `table` the scores of photos of `subject` with noise from `seed`.
     fn measure(&mut self, subject: Subject, seed: u64, table: &mut Table) -> Result<(), Failure> {
         let (size, by) = (self.rig.photo_grid().photo.size, self.rig.camera.binning);
         let tone = Tone::of_curve(self.rig.photo.curve, 8);
@@ -214,7 +215,7 @@ impl Bed {
 }
 
 /// Restores photos of each photograph by a camera of `times` the rig's pixels along each side, at
-/// each of `binnings`, and scores them; two photographs if `quick`.
+/// each of `binnings`, and scores them; `quick` takes two photographs.
 pub(crate) fn run(
     rig: &RigFile,
     quick: bool,

@@ -1,16 +1,16 @@
-//! Sharpening by raw developers, in the manner of RawTherapee's capture sharpening: the steps of
-//! Richardson and Lucy on luminance with a Gaussian, where there is contrast.
+//! Sharpening as raw developers do it, after RawTherapee's capture sharpening: Richardson–Lucy
+//! steps on luminance with a Gaussian, applied where there is contrast.
 
 use rayon::prelude::*;
 use relens::frame::{Channel, FULL_SCALE, Frame, Plane, Work};
 
-/// RawTherapee's default.
+/// Number of Richardson–Lucy steps, RawTherapee's default.
 const STEPS: u32 = 20;
 /// Weights of red, green and blue in luminance (Rec. 709).
 const WEIGHTS: [f32; 3] = [0.2126, 0.7152, 0.0722];
-/// Side of the tiles whose flattest sets the contrast threshold, pixels. Guess.
+/// Side of a tile, pixels; the flattest tile sets the contrast threshold. Guess.
 const TILE_PX: usize = 32;
-/// Contrast of full sharpening over that of the flattest tile. Guess.
+/// Contrast from which sharpening is full, over that of the flattest tile. Guess.
 const CONTRAST: f32 = 3.0;
 
 /// Sharpens linear `light` with a Gaussian of standard deviation `sigma_px`.

@@ -1,5 +1,5 @@
-//! A change of the rig in some strength: before calibration, since, on the photo, on the captures,
-//! or on the method.
+//! Changes of a rig, each with a strength: made before or after calibration, or to the photo, the
+//! captures or the method.
 
 use relens::config::{Glare, Kind, Prescription, Primaries, RigFile, Simulation, Wavelength};
 use relens::rig::simulated::{Wear, Witness};
@@ -9,47 +9,47 @@ use relens::rig::simulated::{Wear, Witness};
 pub(crate) struct Change {
     /// Name in tables.
     pub(crate) name: &'static str,
-    /// Unit of its strengths; empty if it has only one.
+    /// Unit of the strengths; empty if the change has only one.
     pub(crate) unit: &'static str,
-    /// Object of the change.
+    /// What is changed, and how.
     pub(crate) to: To,
 }
 
-/// Object of a change, and how it changes with a strength.
+/// What a change acts on, and how it does so at a strength.
 #[derive(Debug)]
 pub(crate) enum To {
     /// The rig file, before calibration.
     File(fn(&mut RigFile, f64)),
-    /// The same, and the taking of the photo.
+    /// The rig file before calibration, and how the photo is taken.
     FileAndPhoto(fn(&mut RigFile, f64), fn(&mut Taking, f64)),
-    /// The rig since calibration: photo and captures.
+    /// The rig after calibration: affects photo and captures.
     Since(fn(&mut RigFile, f64)),
-    /// The camera of the photo, other than the rig's.
+    /// The camera that takes the photo, which is then not the rig's.
     Camera(fn(&mut RigFile, f64)),
-    /// The taking of the photo.
+    /// How the photo is taken.
     Photo(fn(&mut Taking, f64)),
-    /// The running rig: captures alone.
+    /// The running rig: affects captures alone.
     Captures(fn(&mut Witness, &Simulation, f64)),
-    /// The same, again for each photo.
+    /// The running rig, again for each restoration: affects captures alone.
     EachJob(fn(&mut Witness, &Simulation, f64)),
     /// Columns and rows of the calibration's lens functions.
     Functions(fn(f64) -> (usize, usize)),
-    /// The rig file's patches, for the method.
+    /// Patches in the rig file from which the method is made.
     Patches(fn(&mut RigFile, f64)),
     /// The method's step size.
     Step,
 }
 
-/// Taking of a photo.
+/// How a photo is taken.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Taking {
-    /// Additional light, a share of the scene's; the photo clips it.
+    /// Additional light, a share of the scene's; the photo clips at white.
     pub(crate) brighter: f64,
     /// Additional noise, grey levels.
     pub(crate) noise_levels: f64,
-    /// Quality of its JPEG, if it is one.
+    /// Quality of the photo's JPEG file; `None` if it is no JPEG.
     pub(crate) jpeg: Option<u8>,
-    /// Whether a camera with filters develops it.
+    /// Whether the photo is developed by a camera with colour filters.
     pub(crate) developed: bool,
 }
 
@@ -62,7 +62,7 @@ impl Change {
         }
     }
 
-    /// `rig` at its calibration.
+    /// `rig` as it is when it is calibrated.
     pub(crate) fn filed(&self, rig: &RigFile, strength: f64) -> RigFile {
         let mut rig = rig.clone();
         if let To::File(change) | To::FileAndPhoto(change, _) = self.to {
@@ -76,7 +76,7 @@ impl Change {
         matches!(self.to, To::File(_) | To::FileAndPhoto(..))
     }
 
-    /// `rig` when photos are restored.
+    /// `rig` as it is when photos are restored.
     pub(crate) fn now(&self, rig: &RigFile, strength: f64) -> RigFile {
         let mut rig = self.filed(rig, strength);
         if let To::Since(change) = self.to {
@@ -95,7 +95,7 @@ fn glare(rig: &mut RigFile, change: impl FnOnce(&mut Glare)) {
     simulation(rig, |simulation| change(&mut simulation.glare));
 }
 
-/// Changes the simulation of a rig that is one.
+/// Changes the simulation of a simulated rig.
 pub(crate) fn simulation(rig: &mut RigFile, change: impl FnOnce(&mut Simulation)) {
     if let Kind::Simulated(simulation) = &mut rig.kind {
         change(simulation);
@@ -126,14 +126,14 @@ pub(crate) const NO_NOISE: Change = Change {
     }),
 };
 
-/// Light scattered wider than any lens function, no broad term in the model.
+/// Light scattered wider than any lens function; the model has a broad term only if one is filed.
 pub(crate) const VEIL: Change = Change {
     name: "veiling glare",
     unit: "%",
     to: To::File(|rig, percent| veil(rig, percent, VEIL_PX)),
 };
 
-/// The same with the filed broad term turned off.
+/// Light scattered wider than any lens function, with the filed broad term turned off.
 pub(crate) const VEIL_MISSED: Change = Change {
     name: "unmeasured veiling glare",
     unit: "%",
@@ -169,14 +169,14 @@ pub(crate) const ONE_FUNCTION: Change = Change {
     }),
 };
 
-/// Panel and scene nearer since calibration, refocused.
+/// Panel and scene moved nearer after calibration, and the lens refocused.
 pub(crate) const NEARER: Change = Change {
     name: "nearer since and refocused",
     unit: "times",
     to: To::Since(|rig, times| lens(rig, |lens| lens.object_distance_mm *= 1.0 / times)),
 };
 
-/// The lens moved sideways since calibration.
+/// The lens moved sideways after calibration.
 pub(crate) const DECENTRED: Change = Change {
     name: "lens off centre since",
     unit: "% of the width",
@@ -186,7 +186,7 @@ pub(crate) const DECENTRED: Change = Change {
     }),
 };
 
-/// The lens touched since calibration.
+/// The lens smeared by a touch after calibration.
 pub(crate) const SMEARED: Change = Change {
     name: "lens smeared since",
     unit: "%",
@@ -211,7 +211,7 @@ pub(crate) const fn swept(
     Swept { change: Change { name, unit, to }, strengths }
 }
 
-/// Faults of a rig, a photo or a method; effects of every real rig are
+/// Faults of a rig, a photo or a method; the effects of every real rig are in
 /// [`crate::truths::TRUTHS`].
 pub(crate) static SWEPT: [Swept; 21] = [
     swept(
@@ -259,7 +259,7 @@ pub(crate) static SWEPT: [Swept; 21] = [
             witness.set_wear(Wear { gamma_factor: 1.0 + percent / 100.0, ..Wear::default() });
         }),
     ),
-    // A job takes seconds, as the warm-up that matters most.
+    // A job takes seconds, and so does the warm-up that matters most.
     swept(
         "panel warm-up",
         "% of its light",
@@ -378,7 +378,7 @@ const STOPPED: To =
 
 const PATCHES: To = To::Patches(set_patch);
 
-/// Patches of `px`. The margin stays below half of them, or neighbours' light would be sewn in.
+/// Sets patches of `px`. The margin is at most half of that, or neighbours' light would be sewn in.
 pub(crate) fn set_patch(rig: &mut RigFile, px: f64) {
     rig.paper.patch_px = px as usize;
     rig.paper.margin_px = rig.paper.margin_px.min(rig.paper.patch_px / 2);

@@ -1,5 +1,5 @@
-//! Colours of results: charts in black and white and in inks, and photographs, by the methods that
-//! start from the lens model and the rig's own.
+//! Colours of results on photographs and on charts in black and white and in coloured inks, by the
+//! rig's own method and by `digital` and `hybrid`.
 
 use std::path::Path;
 
@@ -21,7 +21,7 @@ use crate::made::Made;
 use crate::view::{KEPT, Subject, View};
 use crate::{Failure, seconds as processor_seconds};
 
-/// Inks and papers of the charts, linear light; one more chart has a pair in each quarter.
+/// Ink and paper of each chart, linear light; one more chart has a different pair in each quarter.
 const INKS: [(&str, [[f32; 3]; 2]); 4] = [
     ("chart, black and white", [[10.0; 3], [240.0; 3]]),
     ("chart, blue and yellow", [[20.0, 30.0, 140.0], [235.0, 205.0, 40.0]]),
@@ -29,10 +29,10 @@ const INKS: [(&str, [[f32; 3]; 2]); 4] = [
     ("chart, green without contrast", [[200.0, 110.0, 40.0], [50.0, 110.0, 210.0]]),
 ];
 
-/// Number of charts, which are the first scenes.
+/// Number of charts, which come first among the [`scenes`].
 pub(crate) const INKED: usize = INKS.len() + 1;
 
-/// A PNG of codes, red, green and blue of one pixel after the other.
+/// A PNG file of `codes`: red, green and blue of each pixel in turn.
 pub(crate) fn png(size: Size, codes: &[u8]) -> Result<Vec<u8>, Failure> {
     let mut file = Vec::new();
     let (width, height) = (size.width as u32, size.height as u32);
@@ -40,7 +40,7 @@ pub(crate) fn png(size: Size, codes: &[u8]) -> Result<Vec<u8>, Failure> {
     Ok(file)
 }
 
-/// Scenes as linear light: charts, the program's photographs, and those of `pictures`.
+/// Scenes as linear light: charts, the program's photographs, and those in the folder `pictures`.
 pub(crate) fn scenes(
     size: Size,
     tone: &Tone,

@@ -34,7 +34,7 @@ const PLACES: [Place; 12] = [
 const SIDE: usize = 128;
 const GAP: usize = 4;
 const COLUMNS: usize = 6;
-/// Rows of a place: scene, photo, result.
+/// Number of crops of each place: scene, photo and result.
 const SHOWN: usize = 3;
 
 /// A white sheet of crops.
@@ -48,7 +48,7 @@ impl Sheet {
         Sheet { size, codes: vec![u8::MAX; 3 * size.width * size.height] }
     }
 
-    /// Copies the part of `picture` about a place into column `n`, `row` of three.
+    /// Copies the part of `picture` about (`x`, `y`) into crop `row` of the `n`-th place.
     fn put(&mut self, picture: &Appearance, [x, y]: [f64; 2], n: usize, row: usize) {
         let from = picture.size();
         let corner = |share: f64, side: usize| {

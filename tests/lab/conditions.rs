@@ -1,4 +1,4 @@
-//! The methods side by side under the study's conditions, as filed.
+//! Comparison of the methods, with their filed settings, under the study's conditions.
 
 use relens::chart::contestants::Contestant;
 use relens::chart::scenes::Scene;
@@ -34,8 +34,8 @@ fn named(by_the_lens: bool) -> impl Iterator<Item = MethodName> {
     all.filter(move |name| !by_the_lens || name.about().starts_from_lens)
 }
 
-/// A table for each condition; a rig whose photos are not linear is taken as it is, in colour.
-/// `quick` leaves out the chart, or all but the methods that start from the lens model.
+/// A table for each condition; a rig whose photos are not linear is measured as it is, in colour.
+/// `quick` leaves out the chart or, in colour, the methods that do not start from the lens model.
 pub(crate) fn run(rig: &RigFile, quick: bool) -> Result<Made, Failure> {
     let mut made = Made::default();
     if rig.photo.curve != Curve::Linear {
@@ -104,7 +104,7 @@ fn without_margin(rig: &RigFile) -> Paper {
     Paper { backward: Backward::Light(shape), ..paper(rig) }
 }
 
-/// `hybrid` with one capture, which corrects and does not certify.
+/// `hybrid` with one capture, which corrects the result but does not certify it.
 pub(crate) fn one_capture(rig: &RigFile) -> Hybrid {
     Hybrid { captures_max: 1, ..hybrid(rig) }
 }

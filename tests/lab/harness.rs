@@ -23,16 +23,16 @@ use crate::{Failure, seconds};
 pub(crate) struct Harness {
     pub(crate) test_rig: TestRig,
     pub(crate) witness: Witness,
-    /// Witness of the photos' camera, if it is another one.
+    /// Witness of the camera that takes the photos, if it is not the rig's.
     camera: Option<Witness>,
     taking: Taking,
     change: &'static Change,
     strength: f64,
 }
 
-/// What the box made of a photo.
+/// What the pipeline made of a photo.
 pub(crate) struct Restored {
-    /// The method's result; of a photo that the box does not solve, what it would have been.
+    /// The method's result; for a photo returned before solving, what the result would have been.
     pub(crate) solved: Solved,
     pub(crate) outcome: Outcome,
     /// Whether the photo was returned before any method saw it.
@@ -47,8 +47,8 @@ pub(crate) fn calibration(rig: &RigFile) -> Result<Calibration, Failure> {
 /// Seeds tried for a calibration; one in four is refused because the panel moved too far.
 const CHANCES: u64 = 6;
 
-/// `rig` with the first seed, counted from its own, that calibrates under `change`; and that
-/// calibration.
+/// `rig` with the first seed, counted from its own, whose calibration under `change` is accepted,
+/// and that calibration.
 pub(crate) fn calibrated(
     rig: &RigFile,
     change: &Change,
@@ -122,7 +122,7 @@ impl Harness {
         self.test_rig.config()
     }
 
-    /// Applies a change of the captures, after photos were taken.
+    /// Applies the change to the running rig if it concerns captures, after photos were taken.
     pub(crate) fn change_captures(&mut self) {
         if let To::Captures(to) | To::EachJob(to) = self.change.to
             && let Some(simulation) = self.test_rig.config().simulation()
@@ -187,7 +187,7 @@ impl Harness {
         photo.prepared(self.test_rig.parts().0, channels)
     }
 
-    /// What the box delivers for `photo` by `method`.
+    /// Restores `photo` by `method` as the daemon does.
     pub(crate) fn restore(
         &mut self,
         photo: &Prepared<'_>,
@@ -207,7 +207,7 @@ impl Harness {
         Ok(Restored { solved, outcome, before_solving })
     }
 
-    /// The method that `make` makes of the changed rig file.
+    /// The method that `make` makes from the rig file, whose patches or step size may be changed.
     pub(crate) fn method(
         &self,
         make: &dyn Fn(&RigFile) -> Box<dyn Method + Send + Sync>,
@@ -227,7 +227,7 @@ impl Harness {
     }
 }
 
-/// A method with ‖K‖ underestimated, hence with steps too long.
+/// A method for which ‖K‖ is underestimated, so that its steps are too long.
 struct Longer {
     method: Box<dyn Method + Send + Sync>,
     times: f32,
@@ -257,7 +257,7 @@ impl Method for Longer {
     }
 }
 
-/// The calibration with the mean functions of a coarser grid of columns and rows.
+/// The calibration with lens functions averaged over a coarser grid of columns and rows.
 fn with_fewer_functions(
     calibration: &Calibration,
     (columns, rows): (usize, usize),
@@ -291,7 +291,7 @@ fn with_lens(calibration: &Calibration, functions: LensFunctions) -> Result<Cali
     Ok(changed)
 }
 
-/// The file of `codes` as a JPEG of `quality` (1 to 100).
+/// `codes` as a JPEG file of `quality` (1 to 100).
 fn as_jpeg(codes: &Frame<Work, u8>, quality: u8) -> Result<Vec<u8>, Failure> {
     let size = codes.size();
     let [red, green, blue] = codes.planes().each_ref().map(|plane| plane.data());

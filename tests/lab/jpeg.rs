@@ -23,7 +23,7 @@ use crate::made::Made;
 /// Coding of a photo as a file.
 pub(crate) struct FileCoding {
     pub(crate) name: String,
-    /// Writes the file of a camera's codes.
+    /// Encodes a camera's codes as a file.
     pub(crate) file: Coder,
     pub(crate) quality: Quality,
 }
@@ -68,9 +68,9 @@ struct CodedScores {
 
 /// Scores of one scene by one method.
 struct SceneScores {
-    /// SSIM gained from the uncoded photo.
+    /// Gain in SSIM if the uncoded photo is solved.
     gain: f64,
-    /// One for each coding.
+    /// Scores for each coding.
     coded: Vec<CodedScores>,
 }
 
@@ -151,7 +151,7 @@ impl Bench<'_> {
             let before = scores(&Appearance::new(&self.tone, &photo.light), &scene);
             let pixels = PhotoData::developed(&photo.light, Channels::Colour);
             let decoded = self.solve(pixels, solver, &scene)?;
-            // Other files have no coefficients.
+            // Files other than JPEGs have no coefficients.
             let coefficients = match photo.coding {
                 None => decoded,
                 Some(_) => self.solve(&photo, solver, &scene)?,
@@ -178,7 +178,7 @@ impl Bench<'_> {
         Ok(scores(&Appearance::new(&self.tone, &solved.picture), scene))
     }
 
-    /// Adds a row: scene, method and coding, then what was solved.
+    /// Adds a row: scene, method and coding (`words`), then the data solved and the scores.
     fn add(&mut self, words: [&str; 3], solved_from: &str, of: Scores, kept: Option<f64>) {
         let mut cells: Vec<String> = words.map(str::to_owned).into();
         cells.push(solved_from.to_owned());

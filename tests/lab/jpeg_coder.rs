@@ -7,9 +7,9 @@ use relens::frame::{Frame, Size};
 /// Coding of a picture.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Quality {
-    /// 1 to 100, as libjpeg counts.
+    /// libjpeg's quality, 1 to 100.
     pub(crate) quality: u32,
-    /// Pixels across and down of a sample of chroma.
+    /// Pixels across and down for each sample of chroma.
     pub(crate) pixels: (usize, usize),
 }
 
@@ -42,7 +42,7 @@ const STEPS: [[u32; 64]; 2] = [
     ],
 ];
 
-/// Row-major places in the order of a scan (T.81, figure A.6).
+/// Row-major indices of a block's coefficients in the order of a scan (T.81, figure A.6).
 fn zigzag() -> Vec<usize> {
     let mut places: Vec<usize> = (0..64).collect();
     let key = |&place: &usize| {
@@ -53,10 +53,10 @@ fn zigzag() -> Vec<usize> {
     places
 }
 
-/// Codes of the sizes of DC differences, and their length in bits.
+/// Number of codes for the sizes of DC differences; [`DC_LENGTH`] is their length in bits.
 const DC_CODES: u32 = 16;
 const DC_LENGTH: u32 = 5;
-/// Codes of the runs and sizes of AC coefficients, and their length in bits.
+/// Number of codes for runs and sizes of AC coefficients; [`AC_LENGTH`] is their length in bits.
 const AC_CODES: u32 = 255;
 const AC_LENGTH: u32 = 9;
 
@@ -83,14 +83,14 @@ impl Writer {
         }
     }
 
-    /// Writes the code of `value` among codes of `length` bits. The last code is for 0, the
-    /// commonest value, since readers take a run of zero bytes for a hole.
+    /// Writes the code of `value` among codes of `length` bits. The commonest value, 0, has the
+    /// last code, because readers take a run of zero bytes for a hole.
     fn code(&mut self, value: u32, length: u32) {
         let last = if length == DC_LENGTH { DC_CODES - 1 } else { AC_CODES - 1 };
         self.put(last - value, length);
     }
 
-    /// Writes the code of `zeros` and the size of `value`, then its bits.
+    /// Writes the code of `zeros` and the size of `value`, then the bits of `value`.
     fn number(&mut self, zeros: u32, value: i32, length: u32) {
         let size = 32 - value.unsigned_abs().leading_zeros();
         self.code(zeros << 4 | size, length);

@@ -1,5 +1,5 @@
-//! Cost of coding by another coder: progressive files, chroma halved along one side or taken from
-//! one pixel of four, other tables; and pictures coded before.
+//! Cost of JPEG coding by another coder: progressive files, chroma halved along one side or taken
+//! from one pixel of four, and other tables. Also the cost for pictures coded before.
 
 use std::io::Cursor;
 
@@ -21,7 +21,7 @@ use crate::sized::sized;
 /// Offset of the earlier coding's blocks from the file's, pixels.
 const OFF: (u32, u32) = (3, 5);
 
-/// Codings; no limit of `src/deconvolution/jpeg` was set on them.
+/// The codings, on which no limit of `src/deconvolution/jpeg` was set.
 fn codings() -> Vec<FileCoding> {
     let of = |name: &str, quality, pixels, file| {
         let quality = Quality { quality, pixels };
@@ -62,7 +62,7 @@ fn codings() -> Vec<FileCoding> {
     ]
 }
 
-/// A file by the crate `jpeg-encoder`, chroma averaged, with `more` options.
+/// A file by the crate `jpeg-encoder`, with chroma averaged unless `more` options change that.
 fn other(
     of: &FileCoding,
     codes: &Frame<Work, u8>,
@@ -94,7 +94,7 @@ fn png(picture: &RgbImage) -> Result<Vec<u8>, Failure> {
     Ok(file)
 }
 
-/// `codes` after an earlier coding with blocks [`OFF`] the picture's.
+/// `codes` after an earlier coding whose blocks are offset by [`OFF`] from the picture's.
 fn cut_before(of: &FileCoding, codes: &Frame<Work, u8>) -> Result<RgbImage, Failure> {
     let picture = picture(codes);
     let (width, height) = (picture.width(), picture.height());

@@ -44,7 +44,7 @@ use relens::chart::test_rig::Score;
 use relens::config::Curve;
 use relens::rig::monotonic::processor_seconds as seconds;
 
-/// Cause of a missing result.
+/// Error that ends an experiment.
 type Failure = Box<dyn std::error::Error + Send + Sync>;
 
 /// The laboratory: measurements on simulated rigs.
@@ -56,7 +56,7 @@ struct Options {
     /// Rig file of a simulated rig
     #[arg(long, required_unless_present = "group")]
     rig: Option<PathBuf>,
-    /// Scenes and rigs of `judging`
+    /// Group of scenes and rigs, for `judging`, `foreign` and `strange`
     #[arg(long, value_enum)]
     group: Option<judging::groups::Group>,
     /// Folder of the results
@@ -65,13 +65,14 @@ struct Options {
     /// Fewer methods, scenes or strengths
     #[arg(long)]
     quick: bool,
-    /// Stored rows of `speed-accuracy` or `stability`: draws from them and measures nothing
+    /// Stored rows to draw from instead of measuring, for `speed-accuracy`, `stability`,
+    /// `wrong-models` and `judging`
     #[arg(long)]
     rows: Option<PathBuf>,
-    /// Pixels of the camera of `binned` for each of the rig's, along each side
+    /// Camera pixels per pixel of the rig, along each side, for `binned`
     #[arg(long, default_value = "2")]
     times: usize,
-    /// Binnings of `binned`
+    /// Binning factors, for `binned`
     #[arg(long, value_delimiter = ',', default_value = "1,2")]
     binnings: Vec<usize>,
     /// Folder of more photographs, for `colour` and `jpeg`
@@ -85,13 +86,13 @@ enum Experiment {
     Conditions,
     /// Colours of charts in inks and of photographs
     Colour,
-    /// Twelve places by the rig's own method: scene, photo, result
+    /// Twelve places at full size: scene, photo, and result of the rig's own method
     ColourCrops,
-    /// Cost of JPEG coding, with photos taken as decoded and as their coefficients
+    /// Cost of JPEG coding, solved from decoded pixels and from coefficients
     Jpeg,
-    /// The same for files of another coder, and for pictures coded before
+    /// Cost of JPEG coding by another coder, and of pictures coded before
     JpegFiles,
-    /// Every method under every fault: harm, and whether the box notices
+    /// Every method under every fault: harm, and whether it is noticed
     Stability,
     /// The judge's verdicts on good and bad results of a group of rigs and scenes
     Judging,
@@ -103,7 +104,7 @@ enum Experiment {
     Focus,
     /// Gain of captures over the measured lens alone
     Regimes,
-    /// A camera finer than its lens: photos solved at its own grid, and binned
+    /// A camera finer than its lens: photos solved on its own pixels and on binned ones
     Binned,
     /// Time and quality of the rig's own method
     Pace,
@@ -115,7 +116,7 @@ enum Experiment {
     WrongModels,
     /// Gain of captures by the rig's own method, with the lens model right and wrong
     Worth,
-    /// The paper's figures 7 to 12; for linear photos
+    /// The paper's figures 7 to 12, on a rig with linear photos
     Figures,
 }
 

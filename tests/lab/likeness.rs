@@ -8,9 +8,9 @@ use relens::picture::Tone;
 
 use crate::appearance::Appearance;
 
-/// Loss of SSIM against the photo that counts as harm; smaller ones mean nothing (study).
+/// Loss of SSIM from which a picture harms its photo; smaller losses mean nothing (study).
 pub(crate) const HARM: f64 = 0.002;
-/// Gain of mean ΔE against the photo that counts as harm: a twentieth of what is just visible.
+/// Increase of mean ΔE from which a picture harms its photo: a twentieth of what is just visible.
 pub(crate) const HARM_IN_COLOUR: f64 = 0.05;
 
 /// Likeness of a picture to its scene.
@@ -18,7 +18,7 @@ pub(crate) const HARM_IN_COLOUR: f64 = 0.05;
 pub(crate) struct Likeness {
     /// SSIM of luminance.
     pub(crate) ssim: f64,
-    /// Mean ΔE (CIEDE2000), of photos in colour.
+    /// Mean ΔE (CIEDE2000); `None` if only green is scored.
     pub(crate) difference: Option<f64>,
 }
 
@@ -42,18 +42,18 @@ impl Likeness {
         })
     }
 
-    /// Whether it harms the untouched `photo` in luma.
+    /// Whether a picture of this likeness is worse than the untouched `photo` in luma.
     pub(crate) fn harms_luma(self, photo: Likeness) -> bool {
         self.ssim < photo.ssim - HARM
     }
 
-    /// Whether it harms the untouched `photo` in colour.
+    /// Whether a picture of this likeness is worse than the untouched `photo` in colour.
     pub(crate) fn harms_colour(self, photo: Likeness) -> bool {
         let both = self.difference.zip(photo.difference);
         both.is_some_and(|(own, photo)| own > photo + HARM_IN_COLOUR)
     }
 
-    /// Whether it harms `photo` in luma or in colour.
+    /// Whether a picture of this likeness is worse than `photo` in luma or in colour.
     pub(crate) fn harms(self, photo: Likeness) -> bool {
         self.harms_luma(photo) || self.harms_colour(photo)
     }

@@ -44,11 +44,11 @@ impl Scale {
 pub(crate) struct Series {
     /// Name in the legend.
     pub(crate) name: String,
-    /// Its colour.
+    /// Colour of the curve.
     pub(crate) colour: Colour,
-    /// Whether it is dashed.
+    /// Whether the curve is dashed.
     pub(crate) dashed: bool,
-    /// Its points.
+    /// Points of the curve.
     pub(crate) points: Vec<[f64; 2]>,
 }
 
@@ -65,7 +65,7 @@ pub(crate) struct LineChart {
     pub(crate) x_scale: Scale,
     /// Numbers marked on the x axis.
     pub(crate) x_ticks: Vec<f64>,
-    /// Least y shown, points below at the edge; the least of all points if not given.
+    /// Least y shown, with points below it at the edge; `None` for the least of all points.
     pub(crate) y_least: Option<f64>,
     /// Level of the untouched photo, and its name.
     pub(crate) floor: Option<(f64, String)>,

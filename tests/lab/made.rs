@@ -47,7 +47,7 @@ impl Made {
     }
 }
 
-/// Writes a file of `folder`.
+/// Writes `bytes` to the file `name` in `folder`.
 pub(crate) fn write(folder: &Path, name: &str, bytes: &[u8]) -> Result<(), Failure> {
     let path = folder.join(name);
     Ok(std::fs::write(&path, bytes).map_err(|e| format!("cannot write {}: {e}", path.display()))?)

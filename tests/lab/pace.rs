@@ -1,5 +1,5 @@
-//! Time and quality of the rig's own method on photographs: raw, as developed by a camera, and as
-//! its JPEG.
+//! Time and quality of the rig's own method on photographs and a chart: raw, developed by the
+//! camera, and as a JPEG.
 
 use relens::chart::scenes::Scene;
 use relens::chart::table::Table;
@@ -24,16 +24,16 @@ const SCENES: [Scene; 3] = [Scene::Astronaut, Scene::Coffee, Scene::Rocket];
 /// A method under its name in the table.
 pub(crate) type Named = (String, Box<dyn Method>);
 
-/// Restores a photo of each photograph and of a chart by the rig's own method and scores it; two
-/// photographs if `quick`.
+/// Restores photos of each photograph and of a chart by the rig's own method and scores them;
+/// `quick` takes two photographs.
 pub(crate) fn run(rig: &RigFile, quick: bool) -> Result<Made, Failure> {
     let own: Box<dyn Method> = method(rig, rig.restore.method);
     let table = measured(rig, &[(own.name().to_owned(), own)], quick)?;
     Ok(Made::table(format!("{}-pace", rig.name), table))
 }
 
-/// Restores a photo of each photograph by each of `methods` and scores it; two photographs if
-/// `quick`.
+/// Restores photos of each photograph and of a chart by each of `methods` and scores them; `quick`
+/// takes two photographs.
 pub(crate) fn measured(rig: &RigFile, methods: &[Named], quick: bool) -> Result<Table, Failure> {
     let (mut harness, _) = Harness::open(rig.clone())?;
     let (size, tone) = (rig.photo.size(), Tone::of_curve(rig.photo.curve, 8));

@@ -35,7 +35,7 @@ const REGIMES: [Regime; 13] = [
     (&SMEARED, 15.0),
 ];
 
-/// Gain that is worth captures, dB.
+/// Gain from which captures are worth taking, dB.
 const EARNS_DB: f64 = 1.0;
 
 /// Means over scenes.
@@ -46,16 +46,16 @@ pub(crate) struct Mean {
     pub(crate) psnr_db: f64,
 }
 
-/// One regime.
+/// Means under one regime.
 pub(crate) struct Row {
     pub(crate) name: String,
     /// Untouched photos.
     photo: Mean,
     /// Lens model alone.
     pub(crate) digital: Mean,
-    /// One capture.
+    /// The hybrid method with one capture.
     one: Mean,
-    /// Captures as filed.
+    /// The hybrid method with captures as filed.
     pub(crate) hybrid: Mean,
 }
 

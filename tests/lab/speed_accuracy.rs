@@ -1,6 +1,6 @@
 //! The published chart of speed against accuracy: the program's own contestants, and a raw
-//! developer's sharpening beside them. Measured rows are kept, so that a run goes on where it
-//! stopped and a chart is drawn again without measuring.
+//! developer's sharpening beside them. Measured rows are stored, so that an interrupted run can be
+//! continued and the chart redrawn without measuring.
 
 use std::path::Path;
 
@@ -17,7 +17,7 @@ use crate::made::{self, Made};
 use crate::{Failure, report, seconds};
 
 const SCENES: [Scene; 3] = [Scene::Astronaut, Scene::Coffee, Scene::Page];
-/// Measured before all others, so that a run cut short has one of each family.
+/// Contestants measured first, so that an interrupted run has one of each family.
 const FIRST: [&str; 9] = [
     "digital, 16 steps",
     "hybrid, 1 capture, 16+4 steps",
@@ -34,7 +34,7 @@ const SIGMAS_PX: [f32; 4] = [0.7, 1.0, 1.5, 2.0];
 /// Family of the sharpening.
 const SHARPENING: &str = "capture sharpening";
 
-/// Measures what `out` lacks, and draws; one photo of each scene.
+/// Measures the contestants missing in `out` on one photo of each scene, and draws the chart.
 pub(crate) fn run(rig: &RigFile, out: &Path) -> Result<Made, Failure> {
     let file = format!("{}-by-scene.csv", rig.name);
     let kept = std::fs::read_to_string(out.join(&file)).unwrap_or_default();
@@ -65,7 +65,7 @@ pub(crate) fn redrawn(rig: &RigFile, rows: &str) -> Result<Made, Failure> {
 }
 
 fn drawn(rig: &RigFile, mut trade: Trade) -> Result<Made, Failure> {
-    // The rig file's own setting is measured first, and lies on a line of its family.
+    // The rig file's own setting is measured first, but its point belongs to a line of its family.
     trade.points.sort_by(|a, b| a.family.cmp(&b.family));
     let command = format!("`lab speed-accuracy --rig {}.toml`", rig.name);
     let Chart { stem, drawing, summary, scores } = Chart::new(rig, &trade, &[command]);
@@ -76,7 +76,7 @@ fn drawn(rig: &RigFile, mut trade: Trade) -> Result<Made, Failure> {
     })
 }
 
-/// The photos sharpened.
+/// The point of sharpening with `sigma_px`, scored on a photo of each scene.
 fn sharpened(test_rig: &mut TestRig, sigma_px: f32) -> Result<Point, Failure> {
     let mut scores = Vec::new();
     for scene in SCENES {

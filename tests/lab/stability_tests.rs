@@ -1,5 +1,5 @@
-//! No harm: whatever is wrong, what is delivered is no worse than the photo, or is the photo. On
-//! the small simulated rig, with scenes and seeds that no limit was set on.
+//! Tests that no harm is done: whatever is wrong, the delivered picture is no worse than the photo,
+//! or is the photo. They use the small rig, with scenes and seeds on which no limit was set.
 
 use rand::{RngExt, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
@@ -82,7 +82,7 @@ fn a_jpeg_is_restored_with_the_errors_of_its_coding_in_mind() {
 
 #[test]
 fn no_change_counts_once_in_the_rates() {
-    // One method that harms without a change, is caught, and stands there for two changes.
+    // One harmful result without a change; it is noticed, and listed under two changes.
     let run = |swept| Run {
         swept,
         strength: 0.0,
@@ -138,7 +138,7 @@ fn results_of_a_sweep_that_was_cut_off_are_kept() {
     Kept::open(&file).unwrap().keep(&both).unwrap();
     let whole = std::fs::read(&file).unwrap();
     std::fs::write(&file, &whole[..whole.len() - 3]).unwrap();
-    // The second was cut in its last word, and is to be run again.
+    // The second line is cut in its last word, so its result is to be run again.
     let mut kept = Kept::open(&file).unwrap();
     assert_eq!(words(&kept.of(&plan, panel, 2)), words(&both[..1]));
     kept.keep(&both[1..]).unwrap();

@@ -1,5 +1,5 @@
-//! Photos with something that no scene gives through the lens: the share of the gain that remains
-//! around it.
+//! Photos with something that no scene gives through the lens, and the share of the gain that
+//! remains around it.
 
 use std::ops::Range;
 
@@ -40,11 +40,11 @@ const ALL: [(Strange, &str); 5] = [
     (Strange::Dust, "dust"),
 ];
 
-/// Pixels about a strange thing that are not scored: half a window of SSIM, and the soft edge.
+/// Pixels around a strange thing that are not scored: half a window of SSIM, and the soft edge.
 const UNSCORED_PX: usize = 12;
 
 impl Strange {
-    /// A photo of codes `from` with the thing in it, code values, and where it is.
+    /// The photo `from` with the thing in it, both in code values, and a mask of its place.
     fn over(self, from: &Frame<Work>) -> (Frame<Work>, Plane<u8>) {
         let size = from.size();
         let mut place = Plane::filled(size, 0u8);
@@ -58,7 +58,7 @@ impl Strange {
         (codes, place)
     }
 
-    /// The codes of a pixel of photo `from` that shows the thing.
+    /// The codes of the pixel (`x`, `y`) if it shows the thing in photo `from`, else `None`.
     fn at(self, from: &Frame<Work>, x: usize, y: usize) -> Option<[f32; 3]> {
         let codes = |x: usize, y: usize| Channel::ALL.map(|c| from.plane(c).at(x, y));
         let old = codes(x, y);
@@ -102,8 +102,8 @@ impl Strange {
     }
 }
 
-/// Whether ink of `text`, digits of 3×5 cells, lies so many cells left of its right end and above
-/// its foot.
+/// Whether `text`, in digits of 3×5 cells, has ink `right` cells left of its right end and `below`
+/// cells above its foot.
 fn is_ink(text: &str, right: f32, below: f32) -> bool {
     const DIGITS: [u16; 10] = [
         0b111_101_101_101_111,
@@ -144,7 +144,7 @@ const HEAD: [&str; 10] = [
     "left as it was",
 ];
 
-/// Shares of the gain on photos of four photographs of `group`, on two of its rigs, one if `quick`.
+/// Shares of the gain that remain on photos of four scenes of `group`, on two rigs (`quick`: one).
 pub(crate) fn run(group: Group, quick: bool) -> Result<Made, Failure> {
     let caption = "Gain outside a strange thing's place, as a share of that without the thing.";
     let table = Table::new(caption.to_owned(), &HEAD);
@@ -176,7 +176,7 @@ fn subjects(group: Group) -> Vec<Subject> {
     }
 }
 
-/// A photo, from which files are made.
+/// A photo to which strange things are added.
 struct Taken {
     light: Frame<Work>,
     raw: Option<RawSites>,
@@ -198,7 +198,7 @@ impl Taken {
         Ok(Taken { light: taken.light, raw: taken.raw, jpeg: data.starts_with("JPEG"), tone })
     }
 
-    /// Adds a row and two pictures for each thing that such data may show.
+    /// Adds a row and two pictures for each strange thing that may occur in these data.
     fn score(
         &self,
         harness: &mut Harness,
@@ -207,7 +207,7 @@ impl Taken {
         made: &mut Made,
     ) -> Result<(), Failure> {
         let (clean_photo, clean) = self.restored(harness, None)?;
-        // Raw sites are never drawn over.
+        // Nothing is ever drawn on raw sites.
         let drawn = [Strange::Stamp, Strange::Watermark, Strange::Retouched];
         let all = ALL.iter().filter(|(of, _)| self.raw.is_none() || !drawn.contains(of));
         for &(strange, name) in all {
@@ -245,7 +245,7 @@ impl Taken {
         Ok(())
     }
 
-    /// Light of the photo with the thing, and what the box makes of it.
+    /// Light of the photo with the strange thing in it, and the outcome of its restoration.
     fn restored(
         &self,
         harness: &mut Harness,
@@ -292,7 +292,7 @@ fn to_codes(codes: &Frame<Work>) -> Frame<Work, u8> {
     Frame::from_fn(|c| codes.plane(c).map(|v: f32| v.round().clamp(0.0, 255.0) as u8))
 }
 
-/// Whether a pixel of `place` lies within `reach`.
+/// Mask of the pixels within `reach`, across and down, of a pixel of the mask `place`.
 fn near(place: &Plane<u8>, reach: usize) -> Plane<u8> {
     let Size { width, height } = place.size();
     let around = |at: usize, length: usize| at.saturating_sub(reach)..(at + reach + 1).min(length);

@@ -119,8 +119,7 @@ fn block_matching_reaches_what_no_wavelet_does_with_two_captures() {
     );
 }
 
-/// Decibels that one capture gains over the lens model alone with 10 % of glare, and what it
-/// reaches.
+/// Gain of one capture over the lens model alone with 10 % of glare, and the PSNR it reaches, dB.
 fn gain_under_glare() -> (f64, f64) {
     let mut test_rig = test_rig(&VEIL, 10.0);
     let solver = named(&test_rig, config::MethodName::Digital);
@@ -141,9 +140,9 @@ fn with_veiling_glare_one_capture_is_worth_two_and_a_half_decibels() {
 
 #[test]
 fn with_veiling_glare_one_capture_reaches_what_the_study_s_does() {
-    // The study's hybrid with one capture has 32.48 dB and gains 3.1 dB. Here the lens model alone
-    // is 1.1 dB better than there, because the flats of this calibration take the mean of the glare
-    // out of its photo, too.
+    // The study's hybrid with one capture reaches 32.48 dB and gains 3.1 dB. Here the lens model
+    // alone is 1.1 dB better than in the study, because the calibration's flats remove the mean of
+    // the glare from the photo, too.
     let (gain, reached) = gain_under_glare();
     assert!(gain > 0.0, "{gain:.2} dB");
     assert!(reached >= 32.48, "{reached:.2} dB");

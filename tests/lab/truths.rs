@@ -1,8 +1,8 @@
-//! Effects of real rigs in growing strengths, one at a time. All but focus and unrest are there
-//! when the rig is calibrated. The values of `truthful.toml`, with their sources, are among the
+//! Effects of real rigs, one at a time and in growing strengths. All but focus and unrest are
+//! present at calibration. The values of `truthful.toml`, with their sources, are among the
 //! strengths.
 //!
-//! Slow drift is left out: when a photo is restored it is a knock and a change of gain, both swept.
+//! Slow drift is left out: at a restoration it is a knock and a change of gain, both of them swept.
 
 use relens::config::{RigFile, SensorCurve, Uneven, Unrest};
 use relens::frame::Mosaic;
@@ -86,9 +86,9 @@ const VIBRATION: f64 = 0.05 / 0.03;
 const HOT_LEVELS: f64 = 20.0;
 /// Start of the knee, as in `truthful.toml`.
 const KNEE_SHARE: f64 = 0.85;
-/// Tint, loss and leakage at an angle over a panel's corner loss, as in `truthful.toml`.
+/// Corner tint, and loss and leakage at 10°, over the panel's corner loss, as in `truthful.toml`.
 const UNEVEN: [f64; 3] = [0.02 / 0.15, 0.02 / 0.15, 0.0005 / 0.15];
-/// Strengths of a sensor behind filters; the first has none.
+/// Strengths of the noise behind filters; the first is a sensor without filters.
 const NOISY: fn(&RigFile) -> [f64; 5] = |_| [0.0, 1.0, 2.0, 3.0, 4.0];
 
 const SCENE_AT: To =
@@ -114,7 +114,7 @@ fn uneven(rig: &mut RigFile, loss: f64) {
     });
 }
 
-/// A camera with a bent response, measured by its calibration.
+/// Bends the camera's response, and has calibration measure it.
 fn bend(rig: &mut RigFile, curve: SensorCurve) {
     rig.calibration.linearity = true;
     simulation(rig, |simulation| simulation.sensor.curve = curve);

@@ -1,4 +1,4 @@
-//! Scenes and quarters of scenes: more content from few pictures.
+//! Scenes, and quarters of scenes, which give more content from few pictures.
 
 use relens::chart::scenes::{Scene, cut};
 use relens::frame::{Frame, Rect, Size, Work};
@@ -52,7 +52,7 @@ impl Subject {
 pub(crate) struct View {
     /// The scene.
     pub(crate) subject: Subject,
-    /// Quarter of it, 0..4 row by row; `None` for the whole.
+    /// Quarter of the scene, 0..4 row by row; `None` for the whole.
     pub(crate) quarter: Option<usize>,
 }
 

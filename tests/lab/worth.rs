@@ -1,5 +1,5 @@
-//! Gain of captures over the lens model alone by the rig's own method, with the lens as measured
-//! and otherwise, on photographs that no limit was set on.
+//! Gain of captures over the lens model alone, by the rig's own method, where the measured lens is
+//! right and where it is wrong. No limit was set on these photographs.
 
 use relens::chart::table::Table;
 use relens::config::{MethodName, RigFile};
@@ -16,7 +16,7 @@ use crate::made::Made;
 use crate::view::{KEPT, Subject, View};
 use crate::wrong_models::WRONG;
 
-/// Captures at most.
+/// Limits on the number of captures.
 const CAPTURES: [u32; 4] = [0, 1, 2, 3];
 /// Seed of the photos.
 const SEED: u64 = 7100;
@@ -30,18 +30,18 @@ struct Restored {
     seconds: f64,
 }
 
-/// A photo and its results with each of [`CAPTURES`].
+/// A photo and its results with each limit of [`CAPTURES`].
 struct Photo {
     subject: Subject,
     untouched: Restored,
     with: [Restored; CAPTURES.len()],
 }
 
-/// The rig file's setting with `captures` at most.
+/// The rig file's setting with at most that many `captures`.
 fn setting(rig: &RigFile, captures: u32) -> Setting {
     let filed = Setting::as_filed(rig, rig.restore.method);
     match (filed.method, captures) {
-        // Takes at least one capture.
+        // The hybrid method takes at least one capture.
         (MethodName::Hybrid, 0) => Setting { method: MethodName::Digital, ..filed },
         _ => Setting { captures_max: captures, ..filed },
     }
@@ -127,7 +127,7 @@ fn plain(of: Restored) -> String {
     format!("{:.4}/{:.2}{difference}", of.likeness.ssim, of.psnr_db)
 }
 
-/// Differences of SSIM, dB and ΔE from `none`; a smaller ΔE is better.
+/// SSIM, dB and ΔE less those of `none`, as words; a smaller ΔE is better.
 fn gain(of: Restored, none: Restored) -> String {
     let both = of.likeness.difference.zip(none.likeness.difference);
     let difference = both.map_or(String::new(), |(of, none)| format!("/{:+.2}", of - none));

@@ -1,4 +1,4 @@
-//! Gain of captures where the measured lens is wrong: lens model alone and with captures, by steps.
+//! Gain of captures where the measured lens is wrong, by limit on captures and number of steps.
 
 use relens::chart::axes::{Axes, ValueScale};
 use relens::chart::contestants::Contestant;
@@ -21,7 +21,7 @@ use crate::{Failure, report};
 pub(crate) const WRONG: [(&Change, f64); 5] =
     [(&NOTHING, 0.0), (&VEIL_MISSED, 10.0), (&SMEARED, 15.0), (&DECENTRED, 10.0), (&SCENE_AT, 4.4)];
 
-/// Photographs, and print.
+/// Three photographs and a page of print.
 const SCENES: [Scene; 4] = [Scene::Astronaut, Scene::Coffee, Scene::Rocket, Scene::Page];
 
 /// Columns of the stored rows.
@@ -75,7 +75,7 @@ struct Row {
 }
 
 impl Row {
-    /// The means of `point`, whose line and setting are captures at most and steps.
+    /// The means of `point`, whose line is the limit on captures and whose setting is the steps.
     fn new(what: &str, point: &Point) -> Row {
         Row {
             what: what.to_owned(),
@@ -119,7 +119,7 @@ impl Row {
     }
 }
 
-/// Lens model alone and with captures, by steps.
+/// The lens model alone and with captures, each with several numbers of steps.
 fn contestants(rig: &RigFile) -> Vec<Contestant> {
     let mut all = Vec::new();
     for (steps, correction_steps) in [(4, 2), (8, 2), (16, 4), (32, 8)] {
@@ -185,7 +185,7 @@ fn faults(rows: &[Row]) -> Vec<&str> {
     faults
 }
 
-/// The settings with 16 steps.
+/// Table of the settings with 16 steps.
 fn summary(rig: &RigFile, rows: &[Row]) -> Table {
     let caption = format!(
         "Where the measured lens is wrong, rig {}: SSIM/dB of the photo, of the lens model alone \
@@ -218,7 +218,7 @@ const LEFT: f64 = 62.0;
 const DOWN: [f64; 2] = [102.0, 372.0];
 const BETWEEN: f64 = 14.0;
 
-/// Small multiples over one axis of gain: a panel for each fault.
+/// Draws a panel for each fault, side by side over one axis of gain.
 fn draw(rig: &RigFile, rows: &[Row]) -> Drawing {
     let mut sheet = Drawing::light_and_dark(WIDTH, DOWN[1] + 62.0);
     let title = format!("Gain over the photo where the measured lens is wrong, rig {}", rig.name);

@@ -206,7 +206,7 @@ fn a_bad_photo_stops_no_other_of_several() {
     assert!(text(&output.stderr).contains("1 of 3 photos were not restored"));
     assert!(at("results/photo.png").is_file() && at("results/again.png").is_file());
     assert!(!at("results/bad.png").exists());
-    // Names are ignored: a HEIC picture stops no other, and a PNG of that name is one.
+    // Endings are ignored: a HEIC picture stops no other photo, and a PNG named .heic is restored.
     std::fs::write(at("phone.heic"), b"\0\0\0\x18ftypheic\0\0\0\0").unwrap();
     std::fs::copy(at("photo.png"), at("really.heic")).unwrap();
     let named = words(&["phone.heic", "really.heic", "photo.png", "-o", "results"]);
@@ -216,7 +216,7 @@ fn a_bad_photo_stops_no_other_of_several() {
     assert!(said.contains("phone.heic: this kind of photo is not read: found an HEIC"), "{said}");
     assert!(said.contains("photo.png: results/photo.png exists already"), "{said}");
     assert!(at("results/really.heic.png").is_file(), "{said}");
-    // A sharp picture is returned: the same file, or converted to the format asked for.
+    // A sharp picture is returned as the same file, or converted to the requested format.
     let size = Size::new(512, 384);
     let sharp = Frame::from_fn(|_| {
         Plane::from_fn(size, |x, y| if (x / 24 + y / 16) % 2 == 0 { 30.0 } else { 190.0 })
@@ -229,7 +229,7 @@ fn a_bad_photo_stops_no_other_of_several() {
     let said = text(&relens(&words(&["sharp.png", "-o", "other.tif"]), folder.path()).stdout);
     assert!(said.contains("the photo as it is, written as TIFF;"), "{said}");
     assert!(said.contains("smaller, 256×192 instead of 512×384"), "{said}");
-    // Quiet: errors only.
+    // With -q only errors are printed.
     let output = relens(&words(&["-q", "photo.png", "-o", "quiet.png"]), folder.path());
     assert!(output.status.success() && output.stdout.is_empty() && output.stderr.is_empty());
     assert!(at("quiet.png").is_file());

@@ -15,7 +15,7 @@ fn the_same_sites_in_other_units_are_the_same_photo() {
     let folder = tempfile::tempdir().unwrap();
     let truthful = Path::new(env!("CARGO_MANIFEST_DIR")).join("rig-config/truthful.toml");
     let text = std::fs::read_to_string(truthful).unwrap();
-    // Without captures, which are random.
+    // Restored without captures, whose noise is random.
     let text = text.replacen("method = \"block-matching\"", "method = \"digital\"", 1);
     let kept: Vec<&str> =
         text.lines().filter(|line| !line.starts_with("corrections-max")).collect();

@@ -16,7 +16,7 @@ use std::path::Path;
 use std::process::Command;
 use std::sync::OnceLock;
 
-/// A scene.
+/// Path of the scene that the tests photograph.
 const SCENE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenes/coffee.png");
 
 /// Names and contents of the calibration files of the small rig.

@@ -1,4 +1,4 @@
-//! The built program among files of another user.
+//! The built program with another user's files in its inbox.
 
 use std::fs::Permissions;
 use std::os::unix::fs::{PermissionsExt, chown};
@@ -9,7 +9,7 @@ use std::time::Instant;
 
 use crate::SCENE;
 
-/// An unprivileged user, where these tests run as root.
+/// Unprivileged user for the program if these tests run as root.
 const NOBODY: u32 = 65534;
 
 fn relens(program: &Path, words: &[&str], folder: &Path) -> std::process::Output {
@@ -32,7 +32,7 @@ fn files_of_another_user_delay_no_photo() {
     if rustix::process::geteuid().is_root() {
         chown(&home, Some(NOBODY), Some(NOBODY)).unwrap();
     }
-    // With a fast method: the delay before the photo is timed.
+    // A fast method, because the delay before the photo is measured.
     let small = include_str!("../../rig-config/small.toml");
     let digital = small.replace("[restore]\n", "[restore]\nmethod = \"digital\"\n");
     assert_ne!(small, digital);
@@ -72,7 +72,7 @@ fn files_of_another_user_delay_no_photo() {
     each_has_its_own_remedy(&program, &home);
 }
 
-/// The remedies differ between an unreadable file and a folder of another user.
+/// Checks that the remedies differ between an unreadable file and a folder of another user.
 fn each_has_its_own_remedy(program: &Path, home: &Path) {
     if !rustix::process::geteuid().is_root() {
         return;

@@ -1,4 +1,4 @@
-//! The built program killed or stopped at work: every photo in one place, each done once.
+//! The built program, killed or stopped at work: every photo is in one place and done once.
 
 use std::io::Read;
 use std::path::Path;
@@ -102,7 +102,7 @@ fn empty_inbox(folder: &Path) -> Child {
     relens(&["run", "--rig", "small.toml", "--once"], folder)
 }
 
-/// The places of the photos, one each.
+/// Folder of each photo; panics if a photo is in none or several.
 fn homes(folder: &Path) -> Vec<&'static str> {
     let home = |photo: &str| {
         let homes = ["inbox", "working", "done", "failed"];
@@ -154,7 +154,7 @@ fn kills_and_stops_lose_and_repeat_nothing() {
     for n in 0..3 {
         let mut child = empty_inbox(folder);
         std::thread::sleep(Duration::from_millis(300 + 250 * n));
-        // Possibly ended already.
+        // It may have ended already.
         let _ = kill_process(Pid::from_child(&child), Signal::TERM);
         // A third of the unit's TimeoutStopSec.
         assert!(ended_within(&mut child, 30), "still there after 30 s");
@@ -202,7 +202,7 @@ fn a_stop_while_emptying_the_inbox_begins_no_further_photo() {
     }
     kill_process(Pid::from_child(&child), Signal::TERM).unwrap();
     let said = String::from_utf8(child.wait_with_output().unwrap().stderr).unwrap();
-    // The photo under way may be done.
+    // The photo under way may have been finished.
     assert!(count("inbox") >= 6, "{} of 7 left: {said}", count("inbox"));
     assert!(said.matches("kept in the inbox").count() <= 1, "{said}");
     assert!(!said.contains("a capture failed"), "nothing failed: {said}");

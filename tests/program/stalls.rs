@@ -215,7 +215,7 @@ fn fed(socket: &UnixDatagram) -> usize {
     fed
 }
 
-/// A daemon that hangs in `place` does not feed the watchdog until it is released.
+/// Checks that a daemon that hangs in `place` does not feed the watchdog until it is released.
 fn starves(place: Place) {
     let root = tempfile::tempdir().unwrap();
     let root = &root.path().canonicalize().unwrap();
@@ -339,7 +339,7 @@ impl ButtonLevel for Stuck {
     }
 }
 
-/// A clock that advances when waited on.
+/// A simulated clock: waiting advances it at once.
 struct Quick(Mutex<f64>);
 
 impl Clock for Quick {
@@ -399,7 +399,7 @@ fn with_front_panel(
         daemon.scheduled(Box::new(schedule)).run(&|| clock.now().0 > lasts_s);
         ended.store(true, Ordering::Release);
         gates.iter().for_each(|gate| gate.set_shut(false));
-        // The one scripted to panic did.
+        // The front panel's thread may have panicked as scripted.
         let _ = desk.join();
         clock.now().0
     });

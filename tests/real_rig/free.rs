@@ -8,11 +8,11 @@ use relens::rig;
 
 use super::{grey, middle};
 
-/// Pictures shown.
+/// Number of pictures shown.
 const PICTURES: usize = 24;
 
-/// Counts frames of the wrong picture among alternating dark and light ones, with time stamps taken
-/// as `stamps`.
+/// Number of frames that show the wrong one of two alternating pictures, dark and light, with time
+/// stamps understood as `stamps`.
 fn count_wrong_frames(stamps: Stamps) -> usize {
     let file = std::env::var("RELENS_FREE_RIG").expect("RELENS_FREE_RIG names the rig file");
     let mut config = config::load(Path::new(&file)).unwrap_or_else(|error| panic!("{error}"));
@@ -43,6 +43,6 @@ fn count_wrong_frames(stamps: Stamps) -> usize {
 #[ignore = "needs the virtual rig"]
 fn free_running_no_frame_exposed_before_its_picture_is_accepted() {
     assert_eq!(count_wrong_frames(Stamps::FirstPacket), 0);
-    // uvcvideo states start of exposure, which is wrong.
+    // uvcvideo declares its stamps as the start of exposure, which is wrong.
     assert!(count_wrong_frames(Stamps::ExposureStart) > PICTURES / 8, "the test is too easy");
 }

@@ -43,7 +43,7 @@ fn opened_as(config: config::RigFile) -> (Devices, config::RigFile) {
     (rig, config)
 }
 
-/// The panel alone.
+/// Opens the panel alone.
 fn panel_of(config: &config::RigFile) -> KmsPanel {
     let Kind::Hardware(hardware) = &config.kind else { panic!("a rig of devices") };
     KmsPanel::open(&config.panel, &hardware.panel).unwrap_or_else(|error| panic!("{error}"))
@@ -68,7 +68,7 @@ fn rig_every_capture_is_of_its_own_picture() {
     println!("{}", every_capture_is_of_its_own_picture(opened()));
 }
 
-/// Checks frames of four greys; returns a summary.
+/// Checks that captures of four greys show their own picture; returns a summary.
 fn every_capture_is_of_its_own_picture((mut rig, config): (Devices, config::RigFile)) -> String {
     let codes = [30, 90, 150, 210];
     let levels = codes.map(|code| middle(&rig.capture(&grey(&config, code)).expect("a frame")));
@@ -92,7 +92,7 @@ fn every_capture_is_of_its_own_picture((mut rig, config): (Devices, config::RigF
 #[test]
 #[ignore = "needs a rig"]
 fn rig_opens_again_and_again() {
-    // Every opening searches for the marks, without identified frames.
+    // Every opening searches for the marks, before frames can be identified by them.
     let openings = std::env::var("RELENS_OPENINGS").ok().and_then(|n| n.parse().ok()).unwrap_or(2);
     for n in 0..openings {
         let (mut rig, config) = opened();
@@ -171,7 +171,7 @@ fn rig_display_taken_by_another_program_and_given_back() {
         "{words:?}"
     );
     assert!(other.wait().expect("it ends").success());
-    // Its end has blanked the display, so the mode is set again.
+    // The kernel blanked the display when the other program ended, so the mode is set again.
     let after = middle(&rig.capture(&picture).unwrap_or_else(|error| panic!("{error}")));
     assert!((after - before).abs() < 0.05 * before + 2.0, "{before} before, {after} after");
     println!("{before:.1} before, {after:.1} after; in between: {words:?}");
@@ -188,7 +188,8 @@ fn rig_flips_are_stamped_at_whole_refreshes() {
     for n in 0..20 {
         let asked = Monotonic.now().0;
         let flip = panel.show(&pictures[n % 2]).unwrap_or_else(|error| panic!("{error}"));
-        // The stamp is of a refresh during the wait, give or take half for drivers that round.
+        // The stamp is that of a refresh during the wait, to within half a refresh for drivers that
+        // round.
         let seen = Monotonic.now().0;
         assert!(
             flip.at.0 > asked - interval_s / 2.0 && flip.at.0 <= seen + interval_s / 2.0,

@@ -31,8 +31,8 @@ fn link(from: &str, to: &str, on: bool) -> MediaLink {
     MediaLink { from: from.to_owned(), to: to.to_owned(), on }
 }
 
-/// Raw sites of sensor `which`. The converter also connected to it needs the same format; its
-/// output is disabled.
+/// Media graph for the raw sites of sensor `which`. The converter also connected to it needs the
+/// same format; its output is disabled.
 fn raw_graph(which: &str, bus_code: &str) -> MediaGraph {
     let (sensor, converter) = (format!("Sensor {which}"), format!("Debayer {which}"));
     MediaGraph {
@@ -47,8 +47,8 @@ fn raw_graph(which: &str, bus_code: &str) -> MediaGraph {
     }
 }
 
-/// Colours of sensor `which` through its converter and the scaler, with the other converter's link
-/// disabled.
+/// Media graph for the colours of sensor `which` through its converter and the scaler, with the
+/// other converter's link disabled.
 fn scaled_graph(which: &str, other: &str) -> MediaGraph {
     let [sensor, debayer, away] =
         [format!("Sensor {which}"), format!("Debayer {which}:"), format!("Debayer {other}:1")];
@@ -173,7 +173,7 @@ fn vimc_links_are_enabled_and_disabled() {
     }
 }
 
-/// The other program of the next test, which starts it.
+/// Streams as the other program of the next test, which starts it.
 #[test]
 #[ignore = "needs vimc"]
 fn vimc_another_program() {
@@ -228,7 +228,7 @@ fn vimc_errors_name_their_cause() {
     holds(fixed, &["disabled", "immutable"]);
     let pad = with(&|graph| graph.format.push(pad_format(("Sensor A:7", "SRGGB8_1X8"))));
     holds(pad, &["Sensor A:7"]);
-    // The sensor has no such format; the error names its choice.
+    // The sensor has no such format; the error names those that it has.
     let format = with(&|graph| graph.format = vec![pad_format(("Sensor A:0", "Y12_1X12"))]);
     holds(format, &["Y12_1X12 of 640×480 at Sensor A:0", "RGB888_1X24"]);
     // The node's format differs from the sensor's.

@@ -120,7 +120,7 @@ fn vivid_frames_are_in_sequence_and_deadlines_hold() {
 fn vivid_dropped_and_damaged_frames_are_never_delivered() {
     let mut camera = V4l2Camera::open(vivid()).unwrap_or_else(|error| panic!("{error}"));
     let mut last = camera.frame(in_seconds(5.0)).expect("a frame").sequence;
-    // Frames missing among as many that come.
+    // Number of frames missing until `frames` have arrived.
     let mut missing = |frames: usize| {
         let before = last;
         for _ in 0..frames {
@@ -132,7 +132,7 @@ fn vivid_dropped_and_damaged_frames_are_never_delivered() {
     let dropped = missing(20);
     assert!(dropped > 3, "{dropped} of about 20");
     set_control("Percentage of Dropped Buffers", 0);
-    // Those in the ring.
+    // Skips frames already in the ring of buffers.
     missing(5);
     set_control("Inject V4L2_BUF_FLAG_ERROR", 1);
     assert!(missing(5) > 0, "the damaged one is missing");

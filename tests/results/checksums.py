@@ -25,7 +25,7 @@ from scipy.ndimage import uniform_filter
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 SCENES = ROOT / "tests" / "scenes"
 RIGS = ["small", "truthful"]
-# Dioptres from the panel's 4 m: within and beyond the depth of field.
+# Distance of a scene farther away than the panel, which is at 4 m.
 FAR_MM = 4600.0
 
 

@@ -1,5 +1,5 @@
-//! Raw photos with a noise other than one exposure's at the rig's gain, stated by the file or
-//! estimated from the photo; and a photo with the lens stopped down.
+//! Raw photos whose noise, stated in the file or estimated from the photo, differs from that of one
+//! exposure at the rig's gain; and a photo taken with the lens stopped down.
 
 use relens::chart::scenes::Scene;
 use relens::config::{Curve, Kind, RigFile};
@@ -77,9 +77,9 @@ impl NoisyRig {
 /// A restored photo.
 struct Restored {
     outcome: Outcome,
-    /// Noise reported in the notes, grey levels; NaN without.
+    /// Noise reported in the notes, grey levels; NaN if they report none.
     noise: f64,
-    /// SSIM and dB.
+    /// SSIM and PSNR (dB).
     score: [f64; 2],
 }
 
@@ -87,8 +87,8 @@ fn mean_light(photo: &Photo) -> f32 {
     photo.light.plane(Channel::Green).mean() as f32
 }
 
-/// Noise of green in `photo` near its mean light, grey levels, by the difference to `other`, a
-/// second take.
+/// Noise of the green sites of `photo` near its mean light, grey levels, from the difference to
+/// `other`, a second photo of the same scene.
 fn noise_present(photo: &Photo, other: &Photo) -> f64 {
     let (green, mosaic) = (photo.light.plane(Channel::Green), photo.raw.unwrap().mosaic);
     let (mean_light, mut differences) = (mean_light(photo), Vec::new());
@@ -105,13 +105,13 @@ fn noise_present(photo: &Photo, other: &Photo) -> f64 {
     (differences.iter().map(|d| (d - mean).powi(2)).sum::<f64>() / count / 2.0).sqrt()
 }
 
-/// Noise stated by the file of `photo` at green's mean light, grey levels.
+/// Noise that the file of `photo` states for the mean light of green, grey levels.
 fn noise_stated(photo: &Photo) -> f64 {
     let [at_black, per_level] = photo.raw.unwrap().noise.unwrap()[Channel::Green.index()];
     f64::from(at_black + per_level * mean_light(photo)).sqrt()
 }
 
-/// The photo with another stated noise, or none.
+/// Copy of `photo` that states `noise`, or no noise if `None`.
 fn with_noise(photo: &Photo, noise: Option<[[f32; 2]; 3]>) -> Photo {
     let raw = photo.raw.map(|raw| RawSites { noise, ..raw });
     Photo { raw, ..photo.clone() }
@@ -163,7 +163,8 @@ fn an_unknown_gain_is_read_from_the_file_and_implausible_noise_is_ignored() {
         let is_noted = outcome.notes.iter().any(|note| note.contains("which is not plausible"));
         assert!(is_noted && near(used, own), "{used}, not the rig's {own}: {:?}", outcome.notes);
     }
-    // Exposed for a sixteenth of the time; the noise follows from the rig's.
+    // A sixteenth of the exposure time at sixteen times the gain; the stated noise follows the
+    // gain.
     bed.noise = bed.noise.amplified(16.0);
     assert_eq!(bed.devices.camera.amplify_times(16.0).unwrap(), Some(16.0));
     assert!(bed.devices.expose_times(1.0 / 16.0).unwrap());

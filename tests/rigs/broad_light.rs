@@ -6,7 +6,7 @@ use relens::rig::simulated::{self, Light, Witness};
 
 use crate::{load, measured};
 
-/// Share of a Gaussian's light within a square of `side` about its middle.
+/// Share of a Gaussian's light within a square of `side` pixels around its centre.
 fn within(side: usize, radius_px: f64) -> f64 {
     let bell = |t: f64| (-0.5 * (t / radius_px).powi(2)).exp();
     let half = side as i32 / 2;
@@ -16,10 +16,10 @@ fn within(side: usize, radius_px: f64) -> f64 {
     (inside / all).powi(2)
 }
 
-/// Points along each side of the photo with compared functions.
+/// Number of points along each side of the photo at which functions are compared.
 const ALONG: usize = 6;
 
-/// Share of a channel's light outside the measured functions, mean over the photo.
+/// Share of a channel's light that falls outside the measured functions, mean over the photo.
 fn beyond(rig: &config::RigFile, witness: &Witness, channel: Channel) -> f64 {
     let side = rig.calibration.function_support_px;
     let glare = rig.simulation().unwrap().glare;
@@ -41,7 +41,7 @@ fn beyond(rig: &config::RigFile, witness: &Witness, channel: Channel) -> f64 {
     1.0 - (1.0 - share) * kept - share * within(side, f64::from(glare.radius_px))
 }
 
-/// Checks the light found beyond the functions to a hundredth of all light.
+/// Checks that the light measured beyond the functions is right to within a hundredth of all light.
 fn check_scatter(rig: &config::RigFile) {
     let (_, witness) = simulated::open(rig).unwrap();
     let calibration = measured(rig).unwrap();

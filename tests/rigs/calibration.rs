@@ -1,4 +1,4 @@
-//! Calibration from captures alone, against the simulator's truth with bounds.
+//! Calibration from captures alone; its errors against the simulator's truth stay within bounds.
 
 use std::ops::ControlFlow;
 
@@ -28,8 +28,8 @@ fn calibrated(config: &config::RigFile) -> Calibrated {
     Calibrated { rig, witness, calibration }
 }
 
-/// RMS distance on the sensor, pixels, between Work positions and the centroids of the green
-/// light shown for them, over the photo.
+/// RMS distance over the photo, in sensor pixels, between Work positions and the centroids of the
+/// green light that the panel shows for them.
 fn geometry_error_px(
     config: &config::RigFile,
     witness: &Witness,
@@ -54,7 +54,7 @@ fn geometry_error_px(
     f64::sqrt(squared / count)
 }
 
-/// RMS error of the dark corner over the photo, both scaled to mean 1.
+/// Relative RMS error of the dark corner over the photo; measurement and truth have mean 1.
 fn dark_corner_error(
     config: &config::RigFile,
     witness: &Witness,
@@ -74,8 +74,9 @@ fn dark_corner_error(
     (squared / truth.size().area() as f64).sqrt()
 }
 
-/// `scene` (photo-sized) on the canvas: its border is repeated over the margin, and the last two
-/// pixels are black, so that the panel is black outside the canvas like in the witness's operator.
+/// `scene` (photo-sized) on the canvas: its border is repeated over the margin, and the outermost
+/// two pixels are black, so that the panel is black outside the canvas as in the witness's
+/// operator.
 pub(crate) fn on_canvas(config: &config::RigFile, scene: [Plane; 3]) -> Frame<Work> {
     let (canvas, margin) = (config.canvas_size(), config.canvas.margin_px);
     Frame::from_planes(scene.map(|scene| {
@@ -89,7 +90,7 @@ pub(crate) fn on_canvas(config: &config::RigFile, scene: [Plane; 3]) -> Frame<Wo
 }
 
 struct Errors {
-    /// RMS of (capture by the light path − true K·L), per channel.
+    /// RMS of (capture through the light path − true K·L), per channel.
     operator: [f64; 3],
     /// RMS of (lens model − true K·L), per channel.
     model: [f64; 3],
@@ -123,7 +124,7 @@ fn operator_error(
     errors
 }
 
-/// Checks all bounds of a calibration but the operator error's.
+/// Checks all bounds of a calibration except that of the operator error.
 fn score(config: &config::RigFile, witness: &Witness, calibration: &Calibration) {
     let mixing = witness.cross_channel();
     let geometry = geometry_error_px(config, witness, calibration);
@@ -162,8 +163,8 @@ fn score(config: &config::RigFile, witness: &Witness, calibration: &Calibration)
     }
 }
 
-/// Checks the broad light against the simulator's glare. Blue is out of focus, and its blur beyond
-/// the functions is included.
+/// Checks the broad light against the simulator's glare. Blue is out of focus, so its share
+/// includes blur beyond the functions.
 fn score_broad_light(config: &config::RigFile, calibration: &Calibration) {
     let glare = config.simulation().expect("simulated").glare;
     println!(
@@ -177,8 +178,8 @@ fn score_broad_light(config: &config::RigFile, calibration: &Calibration) {
     assert!(blue >= 0.75 * glare.share, "{blue} of {}", glare.share);
 }
 
-/// Checks the operator error on chart and photographs, bounded by `factor` times the default rig's
-/// 2 and 1 grey levels.
+/// Checks that the operator error of the chart and of photographs is at most `factor` times the
+/// default rig's bounds, 2 and 1 grey levels.
 fn score_operator(
     config: &config::RigFile,
     rig: &mut Devices,
@@ -216,8 +217,8 @@ fn the_small_rig_is_calibrated_within_bounds() {
     let config = load("small.toml");
     let Calibrated { mut rig, witness, calibration } = calibrated(&config);
     score(&config, &witness, &calibration);
-    // The bounds are the default rig's. These pixels are four times as wide in the same blur, so
-    // resampling to the panel loses finer detail than the lens.
+    // The bounds are the default rig's. The pixels here are four times as wide under the same blur,
+    // so resampling to the panel loses fine detail that the lens passes.
     score_operator(&config, &mut rig, &witness, &calibration, 2.5);
 }
 
@@ -258,13 +259,14 @@ fn the_studys_rig_is_calibrated_without_a_checkerboard() {
 #[ignore = "minutes: the long gate runs it"]
 fn responses_of_sites_and_bad_sites_are_found() {
     let mut config = load("truthful.toml");
-    // Stripes beat with such coarse pixels, and not all of it is separable from sites.
+    // The panel's stripes beat with pixels as coarse as these, and part of the beat cannot be told
+    // apart from the sites' responses.
     score_pattern(&config, 0.0027);
     config.panel.subpixels = config::Subpixels::Whole;
     score_pattern(&config, 0.0);
 }
 
-/// Checks responses and bad sites; the error may exceed the noise's by `more`.
+/// Checks responses and bad sites. `more` is added in quadrature to the error allowed for noise.
 fn score_pattern(config: &config::RigFile, more: f64) {
     let Calibrated { witness, calibration, .. } = calibrated(config);
     let layout = Layout::of(config);
@@ -300,7 +302,7 @@ fn score_pattern(config: &config::RigFile, more: f64) {
         }
         let (off, was) = (f64::sqrt(squared / count), f64::sqrt(truth / count));
         // A tenth of the noise of one exposure in bright parts, and a fifth of the sites' own
-        // deviations, which enter their surroundings.
+        // deviations, which also change the mean of their surroundings.
         let allowed = f64::hypot(0.1 * witness.noise_levels(230.0) / 230.0, was / 5.0).hypot(more);
         println!(
             "{}: responses differ by {:.3} %, found to {:.3} % ({:.3} allowed), {bad} of {count} \
@@ -317,7 +319,7 @@ fn score_pattern(config: &config::RigFile, more: f64) {
     assert!(hot > 5 && missed == 0);
 }
 
-/// The error of a rig with one fault.
+/// Error of calibrating the small rig with the fault that `change` introduces.
 fn failure(change: impl FnOnce(&mut Witness)) -> CalibrateError {
     let config = load("small.toml");
     let (mut rig, mut witness) = simulated::open(&config).expect("a simulated rig");
@@ -344,8 +346,8 @@ fn faults_of_a_rig_have_their_own_errors() {
 
 #[test]
 fn a_rig_out_of_focus_is_refused() {
-    // A little out of focus corners are still found, and the lens functions say it; far out no
-    // corner is.
+    // A little out of focus, corners are still found and the lens functions reveal the defocus; far
+    // out of focus, no corner is found.
     for focus_mm in [1800.0, 900.0] {
         let mut config = load("small.toml");
         if let config::Kind::Simulated(simulation) = &mut config.kind {
@@ -385,7 +387,7 @@ fn a_knock_is_followed_or_refused_at_any_time() {
         println!("knocked after {when} captures: {found:.3?}, {still:.3?} without");
         assert!(found.iter().zip(still).all(|(found, still)| *found < 1.1 * still));
     }
-    // Within a series it is too fast; a large one is too far at any time.
+    // A knock within a series is too fast to follow; a large knock is too far at any time.
     let fast = [24, 34].map(|when| (when, (0.6, -0.4)));
     let far = [8, 20, 24, 34].map(|when| (when, (1.8, -1.2)));
     for (when, knock) in fast.into_iter().chain(far) {

@@ -7,7 +7,7 @@ use relens::deconvolution::lens_model::LensModel;
 use relens::frame::{Channel, FULL_SCALE, Frame, Size, Work};
 use relens::remedy::AnyFailure;
 
-/// FC(L) = K·L, computed.
+/// Forward convolution FC(L) = K·L, computed from a lens model.
 pub(crate) struct ComputedOptics<'a> {
     model: &'a LensModel,
     eight_bit: bool,

@@ -32,7 +32,7 @@ fn golden(name: &str) -> (Vec<usize>, Vec<f32>) {
     read_npy_f32(&Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden").join(name)).unwrap()
 }
 
-/// The lens functions, with those of `from` in green.
+/// The golden lens functions, with those of channel `from` used for green.
 fn functions(from: Channel) -> LensFunctions {
     let mut functions = crate::method::golden_functions();
     functions.taps[GREEN.index()] = functions.taps[from.index()].clone();
@@ -106,7 +106,7 @@ fn methods(patch_px: usize) -> Vec<Box<dyn Method>> {
 struct Fault {
     /// Factor by which ‖K‖ is underestimated.
     norms: f32,
-    /// Channel of the optics' functions.
+    /// Channel whose lens functions the optics use.
     lens: Channel,
     gain: f32,
     shift_px: usize,

@@ -1,5 +1,6 @@
 //! Scenes nearer or farther than the panel: photos are restored with the lens measured at a few
-//! focus offsets, and the offset is estimated from the photo; `focus` in `tests/tables/README.md`.
+//! focus offsets, and the offset is estimated from the photo (see `focus` in
+//! `tests/tables/README.md`).
 
 use std::path::Path;
 use std::process::Command;
@@ -38,7 +39,7 @@ fn at(rig: &RigFile, panel_mm: f64, scene_mm: f64) -> RigFile {
     moved
 }
 
-/// Calibrations at the panel's focus alone, and with other focuses.
+/// Calibrations at the panel's focus alone, and at the panel's focus and `offsets`.
 fn calibrations(rig: &RigFile, offsets: &[f32]) -> [Calibration; 2] {
     let alone = measured(rig).unwrap();
     let mut series = alone.clone();
@@ -49,7 +50,7 @@ fn calibrations(rig: &RigFile, offsets: &[f32]) -> [Calibration; 2] {
     [alone, series]
 }
 
-/// SSIM and dB of linear light, means over the channels.
+/// SSIM and PSNR (dB) of linear light, means over the channels.
 fn score(picture: &Frame<Work>, truth: &Frame<Work>) -> [f64; 2] {
     let each = Channel::ALL.map(|c| (picture.plane(c), truth.plane(c)));
     [each.map(|(a, b)| ssim(a, b)), each.map(|(a, b)| psnr(a, b))]
@@ -111,8 +112,8 @@ fn delivered(rig: &RigFile, calibration: &Calibration, taken: &Taken) -> Deliver
     }
 }
 
-/// Gains for photos of one distance at the panel's focus alone, with the estimated focus, and with
-/// the panel at the scene; SSIM and dB, sums over the scenes.
+/// Gains in SSIM and PSNR (dB) for photos from one distance, summed over the scenes: with the
+/// panel's focus alone, with the estimated focus, and with the panel at the scene's distance.
 #[derive(Default)]
 struct Gains {
     alone: [f64; 2],
@@ -165,7 +166,7 @@ fn gains(
 #[test]
 #[ignore = "makes a table; some minutes"]
 fn what_a_photo_s_own_focus_is_worth() {
-    // FILTERS=1: developed photos of a camera with colour filters; RAW=1: raw ones.
+    // FILTERS=1: developed photos of a camera with colour filters; RAW=1: its raw photos.
     let [raw, filters] = ["RAW", "FILTERS"].map(|name| std::env::var_os(name).is_some());
     let mut rig = rig();
     if let (true, Kind::Simulated(simulation)) = (raw || filters, &mut rig.kind) {
@@ -195,7 +196,7 @@ fn a_photo_out_of_focus_gains_as_with_a_panel_at_its_distance() {
             gains(&rig, &both, mm, &[Scene::Coffee, Scene::Rocket], false);
         for n in 0..2 {
             assert!(found[n] >= least[n] * own[n], "{mm}: {found:?} of {own:?}");
-            // The panel's focus alone is far from these shares, so the check above is effective.
+            // With the panel's focus alone shares are much smaller: the check above is effective.
             assert!(alone[n] < [0.75, 0.6][n] * own[n], "{mm}: {alone:?} of {own:?}");
         }
         assert!(worst > 0.0, "{mm}: {worst}");
@@ -215,7 +216,7 @@ fn a_photo_in_the_panel_s_focus_keeps_it() {
         let found = taken.photo.prepared(&pipeline, Channels::Colour).focus;
         let offset = found.map_or(0.0, |focus| focus.offset);
         println!("{}: {offset:+.4}", scene.name());
-        // Half of an offset that matters: 0.028 dioptres, at 3.6 m, cost 0.006 SSIM.
+        // Half of an offset that matters: 0.028 dioptres (a scene at 3.6 m) cost 0.006 SSIM.
         assert!(offset.abs() < 0.014, "{}: {offset}", scene.name());
     }
 }
@@ -242,7 +243,7 @@ fn other_focuses_are_measured_survive_a_calibration_and_are_deleted() {
     let (code, text) = calibrate(&["--focus-offset", "-0.04"]);
     assert!(code != Some(0) && text.contains("run `relens calibrate`"), "{text}");
     assert_eq!(calibrate(&[]).0, Some(0));
-    // The focus of a lens set to 4 m ends at infinity, a quarter of a dioptre away.
+    // A lens focused at 4 m reaches infinity, the end of its range, a quarter of a dioptre away.
     for wrong in ["0", "20", "nan", "0.25", "5"] {
         let (code, text) = calibrate(&["--focus-offset", wrong]);
         let is_explained = text.contains("dioptres") && text.contains("allowed");

@@ -7,8 +7,8 @@ use relens::rig::simulated::{self, Light};
 
 use crate::{load, measured};
 
-/// Mean distance of the centroids of red's and blue's functions from green's, less the lens's,
-/// pixels.
+/// Error of the lateral colour of red and blue, pixels: mean distance of the centroids of their
+/// measured functions from green's, minus the lens's true distance.
 fn aside_px(config: &config::RigFile) -> [[f64; 2]; 2] {
     let (_, witness) = simulated::open(config).expect("a simulated rig");
     let functions = measured(config).unwrap().functions;
@@ -44,7 +44,7 @@ fn aside_px(config: &config::RigFile) -> [[f64; 2]; 2] {
 fn a_panel_s_stripes_are_no_lateral_colour() {
     let config = load("truthful.toml");
     assert_eq!(config.panel.subpixels, Subpixels::Rgb);
-    // A third of a panel pixel is 0.29 of the sensor's.
+    // A third of a panel pixel, the distance between its colours, is 0.29 sensor pixels.
     let aside = aside_px(&config);
     println!("{aside:.3?}");
     assert!(aside.iter().flatten().all(|px| px.abs() < 0.1), "{aside:?}");

@@ -1,4 +1,5 @@
-//! The paper's mathematics against arrays of an independent program, and the paper's open choices.
+//! The paper's mathematics, compared with arrays of an independent program, and choices that the
+//! paper does not specify.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -206,7 +207,7 @@ fn model_based_methods_sharpen_the_photo_and_count_captures() {
         digital: Digital { blocks: Some(Blocks { rounds: 4, model_error: [0.0; 3] }), ..digital() },
         ..hybrid
     };
-    // The first capture shows no defect, and certifies either.
+    // The first capture shows no defect and certifies the result of either hybrid.
     let methods: [(&dyn Method, usize); 3] = [(&digital(), 0), (&hybrid, 1), (&matched, 1)];
     for (method, captures) in methods {
         let mut optics = ComputedOptics::new(&model, true);

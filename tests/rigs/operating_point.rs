@@ -11,7 +11,7 @@ use relens::rig::simulated;
 
 use crate::{load, measured};
 
-/// A stopped clock: settings cost captures alone.
+/// A stopped clock, so that the cost of a setting is its captures alone.
 fn no_clock() -> f64 {
     0.0
 }
@@ -20,7 +20,7 @@ fn no_clock() -> f64 {
 #[ignore = "minutes: the long gate runs it"]
 fn an_operating_point_chosen_with_shown_scenes_is_good_for_photos() {
     let rig = load("small.toml");
-    // A rig without the simulator's truth.
+    // A test rig without access to the simulator's truth.
     let on_small = || {
         let (devices, witness) = simulated::open(&rig).unwrap();
         let calibration = measured(&rig).unwrap();
@@ -33,7 +33,7 @@ fn an_operating_point_chosen_with_shown_scenes_is_good_for_photos() {
     assert_eq!(tried, restorations(&rig, OperatingPoint::Best));
     assert!(best.ssim == best.best_ssim && best.ssim > best.photo_ssim + 0.02, "{best}");
     let fast = choose(&mut test_rig, OperatingPoint::Fast, &mut |_, _| {}).unwrap().unwrap();
-    // Block matching in many rounds is a candidate for the best alone.
+    // Block matching in many rounds is a candidate for `Best` only.
     assert!(
         fast.ssim >= fast.best_ssim - 0.01 && fast.best_ssim <= best.best_ssim,
         "{fast}; {best}"

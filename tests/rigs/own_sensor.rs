@@ -1,4 +1,5 @@
-//! The gain pattern of the rig's sensor in photos: turned since, or dark and noisy.
+//! The gain pattern of the rig's sensor, as found in photos that were turned or cut after they were
+//! taken and in dark, noisy ones.
 
 use std::io::Cursor;
 use std::path::Path;
@@ -21,10 +22,10 @@ use crate::restorer::developed;
 use crate::restorer::view::View;
 use crate::{load, measured};
 
-/// Pixels from a part's border on in which it is compared.
+/// Width of the rim of a part that is excluded from comparison, pixels.
 const INNER: usize = 24;
 
-/// A restorer of `rig` and a photo that its camera took, developed.
+/// A restorer on `rig`, and a developed photo taken by the rig's camera.
 fn restorer_and_photo(rig: &RigFile, slots: &Path) -> (OnRig, DynamicImage) {
     store::save(slots, &measured(rig).unwrap()).unwrap();
     let (devices, witness) = simulated::open(rig).unwrap();
@@ -35,7 +36,7 @@ fn restorer_and_photo(rig: &RigFile, slots: &Path) -> (OnRig, DynamicImage) {
     (restorer, picture.into())
 }
 
-/// What becomes of `picture`, and that upright.
+/// Outcome of restoring `picture`, and the resulting picture upright.
 fn restored(
     restorer: &mut OnRig,
     rig: &RigFile,
@@ -81,7 +82,7 @@ fn a_turned_photo_is_restored_as_it_was_taken() {
         let (outcome, _) = restored(&mut restorer, &rig, &turned, true);
         assert_eq!(outcome.verdict, Verdict::Sound, "{quarter}: {}", outcome.reason);
     }
-    // Another sensor's photo in portrait is returned as it was.
+    // A mirrored photo is like one of another sensor; in portrait it is returned as it was.
     let mirrored = turned.fliph();
     let (outcome, seen) = restored(&mut restorer, &rig, &mirrored, false);
     assert_eq!(outcome.verdict, Verdict::Untouched);
@@ -106,7 +107,7 @@ fn a_part_of_the_sensor_is_restored_in_its_place() {
             let words = format!("column {x}, row {y} of the rig");
             assert!(outcome.notes.iter().any(|note| note.contains(&words)), "{:?}", outcome.notes);
             if !is_jpeg {
-                // Beyond the lens's reach a cut changes nothing.
+                // Farther from the cut than the lens's reach, nothing changes.
                 let inner = |of: Rect| {
                     let size = Size::new(of.size.width - 2 * INNER, of.size.height - 2 * INNER);
                     Rect { x: of.x + INNER, y: of.y + INNER, size }

@@ -13,7 +13,7 @@ use relens::{Outcome, Rig, Verdict};
 
 pub(crate) const SCENE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenes/coffee.png");
 
-/// Writes truthful.toml with `changes` of its lines.
+/// Writes truthful.toml with the replacements `changes` as `name` into `folder`; returns its path.
 pub(crate) fn rig_file(folder: &Path, name: &str, changes: &[(&str, &str)]) -> PathBuf {
     let truthful = Path::new(env!("CARGO_MANIFEST_DIR")).join("rig-config/truthful.toml");
     let mut text = std::fs::read_to_string(truthful).unwrap();
@@ -26,7 +26,7 @@ pub(crate) fn rig_file(folder: &Path, name: &str, changes: &[(&str, &str)]) -> P
     path
 }
 
-/// Takes a photo of the scene by the program; returns exit code and standard error.
+/// Takes a photo of the scene with the program; returns exit code and standard error.
 pub(crate) fn shoot(
     folder: &Path,
     rig: &Path,
@@ -44,8 +44,8 @@ pub(crate) fn shoot(
     (output.status.code(), String::from_utf8_lossy(&output.stderr).into_owned())
 }
 
-/// SSIM and dB of linear light, means over the channels, after fitting one gain: the white of a
-/// camera with a curve depends on the exposure.
+/// SSIM and PSNR (dB) of linear light, means over the channels, after fitting one gain: the white
+/// of a camera with a curve depends on the exposure.
 pub(crate) fn score(picture: &Frame<Work>, truth: &Frame<Work>) -> [f64; 2] {
     let each = Channel::ALL.map(|c| (picture.plane(c), truth.plane(c)));
     let (along, square) = each
@@ -86,7 +86,7 @@ impl Taken {
         Taken { rig: path, slots, photo, truth, restored, filled }
     }
 
-    /// Scores of the photo, of its result after demosaicing, and at its sites.
+    /// Scores of the photo, and of the results from demosaiced light and from its sites.
     fn scores(&self) -> [[f64; 2]; 3] {
         [&self.photo.light, &self.filled.picture, &self.restored.picture]
             .map(|picture| score(picture, &self.truth))
@@ -97,7 +97,7 @@ impl Taken {
 fn truth_of(rig: &Path, photo: &Photo) -> Frame<Work> {
     let file = config::load(rig).unwrap();
     let (_, witness) = simulated::open(&file).unwrap();
-    // The file's white is the largest count; the scene's is below.
+    // The file's white is the largest count; the scene's white is below it.
     let counts = f64::from(photo.raw.unwrap().counts_per_level);
     let levels = (witness.counts_per_level() / counts) as f32;
     let sharp = Photo::read(Path::new(SCENE), Curve::Srgb, &Limits::default()).unwrap();

@@ -1,5 +1,5 @@
-//! Raw sites behind colour filters as data, compared with a sensor of three colours per pixel and
-//! as much noise as the missing sites cost.
+//! Restoration from raw sites behind colour filters, compared with a sensor that measures three
+//! colours per pixel with its noise raised by as much as the missing sites cost.
 
 use relens::chart::scenes::Scene;
 use relens::config::{self, Kind};
@@ -21,7 +21,7 @@ fn rig(name: &str, mosaic: Option<Mosaic>) -> config::RigFile {
     rig
 }
 
-/// Cameras of one rig with each mosaic.
+/// Cameras of one rig, one with each mosaic.
 struct Cameras {
     behind: Vec<(Mosaic, Witness)>,
     full_well_electrons: f64,
@@ -39,7 +39,8 @@ impl Cameras {
         }
     }
 
-    /// A raw photo by the `n`-th camera with `power` times its noise power, in linear light.
+    /// Linear light at the sites of a raw photo by the `n`-th camera with `power` times its noise
+    /// power.
     fn sites(&self, n: usize, scene: &Frame<Work>, seed: u64, power: f32) -> (Mosaic, Plane) {
         let witness = &self.behind[n].1;
         witness.change_sensor(|sensor| {
@@ -54,7 +55,7 @@ impl Cameras {
         (raw.mosaic, light)
     }
 
-    /// A photo without filters, with the noise that missing sites cost.
+    /// A photo without colour filters, with its noise raised by as much as missing sites cost.
     fn full_colour(&self, scene: &Frame<Work>, seed: u64) -> Frame<Work> {
         let mut photo: Frame<Work> = Frame::zeros(scene.size());
         for channel in Channel::ALL {
@@ -74,7 +75,7 @@ impl Cameras {
     }
 }
 
-/// SSIM and dB of linear light, means over the channels.
+/// SSIM and PSNR (dB) of linear light, means over the channels.
 fn score(picture: &Frame<Work>, truth: &Frame<Work>) -> [f64; 2] {
     let each = Channel::ALL.map(|c| (picture.plane(c), truth.plane(c)));
     [each.map(|(a, b)| ssim(a, b)), each.map(|(a, b)| psnr(a, b))]
@@ -87,7 +88,7 @@ fn raw_sites_reach_full_colour_and_exceed_interpolated_pixels() {
     let [full, sites, interpolated] = means("simulated.toml");
     assert!(full[0] - sites[0] < 0.005 && full[1] - sites[1] < 0.5);
     assert!(sites[0] > interpolated[0] + 0.005 && sites[1] > interpolated[1] + 0.5);
-    // A narrow lens: interpolation hides what it passes.
+    // Behind a lens with a narrow blur, interpolation loses detail that the lens passes.
     let [_, sites, interpolated] = means("small.toml");
     assert!(sites[0] > interpolated[0] + 0.02 && sites[1] > interpolated[1] + 3.0);
 }
@@ -119,7 +120,7 @@ fn means(name: &str) -> [[f64; 2]; 3] {
             let own = score(&restored.solved.unwrap().picture, &truth);
             (own, format!("{:?}", restored.outcome.verdict))
         };
-        // The noisier sensor's noise is known like that of the sites.
+        // The noise of the noisier sensor is known as well as that of the sites.
         let mut noisier = pipeline.prepare(PhotoData::developed(&full, Channels::Colour));
         let counts_per_level = cameras.behind[3].1.counts_per_level() as f32;
         let raw =
@@ -209,7 +210,7 @@ fn captures_behind_filters_are_valid_at_their_sites() {
     let filled: Frame<Work> = raw.mosaic.interpolated(&sites);
     let properties = RawSites::new(raw.mosaic, gain as f32);
     let prepared = pipeline.prepare(PhotoData::raw(&filled, properties));
-    // The same in a file with another white.
+    // The same photo in a file with another white.
     let dim: Frame<Work> = Frame::from_fn(|c| filled.plane(c).map(|v: f32| v / 1.25));
     let dimmed = RawSites { counts_per_level: 1.25 * properties.counts_per_level, ..properties };
     let dimmed = pipeline.prepare(PhotoData::raw(&dim, dimmed)).observation.noise;

@@ -21,7 +21,7 @@ use view::View;
 
 use crate::{load, measured};
 
-/// A photo of `view` that the camera of `rig` took, developed.
+/// Developed photo of `view`, taken by the camera of `rig`.
 pub(crate) fn developed(rig: &RigFile, witness: &Witness, view: View) -> RgbImage {
     let tone = Tone::of_curve(rig.photo.curve, 8);
     let codes = view.codes(rig.photo.size());

@@ -57,7 +57,7 @@ fn departed(departures: &[Departure]) -> config::RigFile {
     rig
 }
 
-/// SSIM and dB of linear light, means over the channels.
+/// SSIM and PSNR (dB) of linear light, means over the channels.
 fn score(picture: &Frame<Work>, truth: &Frame<Work>) -> [f64; 2] {
     let each = Channel::ALL.map(|c| (picture.plane(c), truth.plane(c)));
     [each.map(|(a, b)| ssim(a, b)), each.map(|(a, b)| psnr(a, b))]
@@ -77,7 +77,7 @@ struct Tried {
 /// Options of a trial.
 #[derive(Clone, Copy)]
 struct Asked {
-    /// Raw sites, where the camera has colour filters, in place of demosaiced pictures.
+    /// Restores raw sites instead of demosaiced pictures, if the camera has colour filters.
     raw: bool,
     /// Also tries `digital`.
     digital: bool,
@@ -90,7 +90,7 @@ impl Asked {
     }
 }
 
-/// A raw photo in light, demosaiced.
+/// A raw photo as demosaiced linear light with the properties of its sites; `None` without filters.
 fn raw_photo(witness: &Witness, truth: &Frame<Work>, seed: u64) -> Option<(Frame<Work>, RawSites)> {
     let raw = witness.photograph_raw(truth, seed)?;
     let (black, gain) = (witness.black_level_counts(), witness.counts_per_level());
@@ -99,7 +99,7 @@ fn raw_photo(witness: &Witness, truth: &Frame<Work>, seed: u64) -> Option<(Frame
     Some((raw.mosaic.interpolated(&sites), properties))
 }
 
-/// Restores photos of `scenes` on `rig`, changed by `since` after its calibration.
+/// Restores photos of `scenes` on `rig`, which `since` changes after its calibration.
 fn tried(
     rig: &config::RigFile,
     scenes: &[Scene],
@@ -190,7 +190,7 @@ fn what_each_truth_costs() {
         .map(|(name, departures)| (name, departed(&departures)))
         .chain(mended);
     let scenes = [Scene::Astronaut, Scene::Coffee, Scene::Rocket];
-    // ROW=mosaic makes the rows with that in their names.
+    // ROW=mosaic makes only the rows whose names contain "mosaic".
     let wanted = std::env::var("ROW").unwrap_or_default();
     for (name, rig) in rows.filter(|(name, _)| name.contains(&wanted)) {
         let raw = std::env::var_os("RAW").is_some();
@@ -312,7 +312,7 @@ fn a_camera_s_curve_is_linearised() {
     }
 }
 
-/// Side of the corners compared, pixels.
+/// Side of the compared corners, pixels.
 const CORNER_PX: usize = 24;
 
 /// Mean light of the four corners in the three channels.

@@ -1,4 +1,4 @@
-//! Calibration on a table that gives: the panel wanders from capture to capture, and vibrates.
+//! Calibration on an unsteady table: the panel wanders from capture to capture, and vibrates.
 
 use relens::calibration::lens_blur::misfit;
 use relens::calibration::{Calibration, Correction, Layout};
@@ -14,7 +14,7 @@ use crate::{load, measured};
 
 /// Vibration of a wandering panel, sensor pixels per capture and axis.
 const VIBRATION_PX: f64 = 0.03;
-/// Largest operator error, in those of a still rig.
+/// Maximum operator error, as a multiple of a still rig's.
 const ALLOWED: f32 = 1.1;
 
 /// The rig `file` with `seed`, wandering by `wander_px` per capture and axis; still if 0.
@@ -27,8 +27,8 @@ fn unquiet(file: &str, seed: u64, wander_px: f64) -> RigFile {
     rig
 }
 
-/// RMS of a capture of a photograph − true K·L on the rig at rest, per channel, apart from the
-/// place that the panel had on the mean of the calibration.
+/// RMS of (capture of a photograph − true K·L) on the rig at rest, per channel, after removal of
+/// the displacement from the panel's mean position during the calibration.
 fn error_at_rest(rig: &RigFile, calibration: &Calibration) -> [f32; 3] {
     let (mut devices, witness) = simulated::open(rig).unwrap();
     witness.set_unrest(Unrest::default());
@@ -58,7 +58,7 @@ fn errors(rig: &RigFile) -> Result<[[f32; 3]; 2], String> {
     Ok([calibration.operator_error, error_at_rest(rig, &calibration)])
 }
 
-/// Errors of a wandering rig over those of a still one, measured and true, RMS over the channels.
+/// Errors of a wandering rig, measured and true, over those of a still one; RMS over the channels.
 fn ratios(moving: [[f32; 3]; 2], still: [[f32; 3]; 2]) -> [f32; 2] {
     let length = |errors: [f32; 3]| errors.iter().map(|error| error * error).sum::<f32>().sqrt();
     [0, 1].map(|n| length(moving[n]) / length(still[n]))

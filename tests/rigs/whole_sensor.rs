@@ -1,6 +1,6 @@
-//! A rig whose photo is the whole sensor but a rim of a lens function, identified by vanishing
-//! marks: captures contain neither the marks nor their glare, so the rows of the marks are like any
-//! others.
+//! A rig whose photo covers the sensor except a rim for the lens functions, and whose frames are
+//! identified by vanishing marks: captures contain neither the marks nor their glare, so the rows
+//! of the marks are like any others.
 
 use relens::chart::scenes::Scene;
 use relens::config;
@@ -11,8 +11,8 @@ use relens::pipeline::{PhotoData, Pipeline, hybrid};
 use relens::rig::frame_mark::MarkPlace;
 use relens::rig::simulated;
 
-/// Rows from the photo's upper edge behind the marks and their black surroundings, to row 18 of the
-/// sensor.
+/// Number of rows at the photo's upper edge that are covered by the marks and their black
+/// surroundings, down to row 18 of the sensor.
 const HIDDEN_PX: usize = 10;
 
 /// `truthful.toml` with marks in the photo.
@@ -26,7 +26,7 @@ fn rig() -> config::RigFile {
             "[marks]\nfrom-edge-px = 3\nheight-px = 9\nvanish = true\n\n[calibration]",
         ),
         ("response-flats = 100", "response-flats = 40"),
-        // At the panel's distance, so that the certificate depends on the marks alone.
+        // The scene is at the panel's distance, so that the certificate depends on the marks alone.
         ("scene-distance-mm = 3800.0", "scene-distance-mm = 4000.0"),
     ] {
         assert!(text.contains(from), "{from}");

@@ -1,17 +1,17 @@
-//! What is known of faults in what others wrote: RustSec's advisories, held against the lock files.
-//! `cargo deny` says the same (`.ci/long advisories`); it takes longer to build than the gate has.
+//! Known faults of dependencies: checks the lock files against RustSec's advisories. `cargo deny`
+//! does the same (`.ci/long advisories`), but takes longer to build than the gate has time.
 
 use std::path::Path;
 
 use semver::{Version, VersionReq};
 
-/// The table between the fences that an advisory begins with.
+/// The TOML table between the fences at the start of an advisory.
 fn table_of(advisory: &str) -> Option<toml::Table> {
     let (_, after) = advisory.split_once("```toml")?;
     toml::from_str(after.split_once("```")?.0).ok()
 }
 
-/// The advisory's id, unless `version` is none that it is of.
+/// The advisory's id if it applies to `version`; `None` if not, or if it was withdrawn.
 fn hits(advisory: &toml::Table, version: &Version) -> Option<String> {
     let about = advisory.get("advisory")?;
     if about.get("withdrawn").is_some() {

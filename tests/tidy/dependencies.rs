@@ -1,6 +1,5 @@
-//! What others wrote and relens is built with: licences, sources and bans as `deny.toml` says.
-//! `cargo deny` reads that, too (`.ci/long advisories`).
-//! Here cargo alone is asked: the gate needs no more tools.
+//! Licences, sources and bans of dependencies, as stated in `deny.toml`. `cargo deny` reads that
+//! file, too (`.ci/long advisories`); this test needs only cargo.
 
 // A failed unwrap is a failed test, also in the functions the tests share.
 #![allow(clippy::unwrap_used)]

@@ -1,6 +1,6 @@
-//! Distances of panel and camera in the pages and drawings, by the thin-lens formula.
+//! Distances of panel and camera in the pages and drawings, checked with the thin-lens formula.
 
-/// Millimetres of an inch.
+/// Millimetres per inch.
 const INCH_MM: f64 = 25.4;
 
 /// Width and height in pixels.
@@ -108,7 +108,7 @@ fn the_drawings_are_to_scale() {
     let panel = Size::new(2560, 1440);
     let plan = Plan { lens_mm: 25.0, panel_inches: 27.0, panel, pixel_um, sensor };
     let wanted = plan.at(0.85);
-    // Start and length of a line; one is horizontal, the other vertical.
+    // Start and length of the line `id`, which is horizontal or vertical.
     let line = |drawing: &str, id: &str| -> ([f64; 2], f64) {
         let (_, rest) = drawing.split_once(&format!("<path id=\"{id}\" d=\"M")).expect(id);
         let (path, _) = rest.split_once('"').expect("its end");

@@ -1,21 +1,21 @@
-//! Which file of `src` uses which: reads `use` and the paths written in code, follows re-exports to
-//! the file that defines a name, and finds circles.
+//! Finds which files of `src` use which: reads `use` and paths in code, follows re-exports to the
+//! file that defines a name, and finds circles.
 
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Module paths, without `crate`: `["rig", "simulated"]`.
 type ModulePath = Vec<String>;
 
-/// One `use` brought down to single names: `use a::{b, c as d};` is two of them.
+/// The import of a single name; `use a::{b, c as d};` has two.
 #[derive(Debug, Clone, PartialEq, Eq)]
 struct Import {
     path: Vec<String>,
-    /// The name it has here; `*` brings all.
+    /// Name in the importing file; `*` if all names are imported.
     name: String,
     public: bool,
 }
 
-/// What one file holds.
+/// Definitions, imports and used paths of one file.
 struct SourceFile {
     name: String,
     at: ModulePath,
@@ -28,14 +28,13 @@ struct SourceFile {
     words: BTreeSet<String>,
 }
 
-/// All files of `src` and where their modules are.
+/// All files of `src`, and the index of each module's file.
 pub(crate) struct House {
     files: Vec<SourceFile>,
     modules: BTreeMap<ModulePath, usize>,
 }
 
-/// The words and signs of Rust code without comments, strings and what stands under `cfg(test)` at
-/// a file's foot; `::` is one sign.
+/// The words and signs of Rust code without comments and strings; `::` is one sign.
 fn tokens(text: &str) -> Vec<String> {
     let chars: Vec<char> = text.chars().collect();
     let at = |i: usize| chars.get(i).copied().unwrap_or('\0');
@@ -178,7 +177,7 @@ impl SourceFile {
 }
 
 impl House {
-    /// Reads files by name and text; tests are passed over.
+    /// Reads files by name and text; tests are skipped.
     pub(crate) fn read<'a>(files: impl IntoIterator<Item = (&'a str, &'a str)>) -> Self {
         let mut house = House { files: Vec::new(), modules: BTreeMap::new() };
         for (name, text) in files {
@@ -196,8 +195,8 @@ impl House {
         house
     }
 
-    /// The file that defines what `path`, written in the module `from`, names. `None` when it is
-    /// none of this house, or a module alone.
+    /// The file that defines the item that `path` names in the module `from`; `None` if no file of
+    /// this house does, or if `path` names a module.
     fn target(&self, from: &ModulePath, path: &[String], depth: usize) -> Option<usize> {
         let (first, rest) = path.split_first()?;
         let child = || from.iter().chain([first]).cloned().collect::<ModulePath>();
@@ -228,7 +227,7 @@ impl House {
         self.walk(module, rest, depth)
     }
 
-    /// Goes down from `module` along `rest`.
+    /// Follows the path `rest` down from `module`.
     fn walk(&self, mut module: ModulePath, rest: &[String], depth: usize) -> Option<usize> {
         for (i, word) in rest.iter().enumerate() {
             module.push(word.clone());
@@ -255,7 +254,7 @@ impl House {
         None
     }
 
-    /// For every file the files it uses. A `pub use` alone passes a name on and uses nothing.
+    /// For each file, the files that it uses. A `pub use` alone re-exports a name and is not a use.
     fn arrows(&self) -> Vec<BTreeSet<usize>> {
         let mut all = vec![BTreeSet::new(); self.files.len()];
         for (i, file) in self.files.iter().enumerate() {
@@ -299,7 +298,7 @@ impl House {
         found.into_iter().collect()
     }
 
-    /// Who uses whom, by names.
+    /// Pairs of file names; the first file uses the second.
     pub(crate) fn used(&self) -> BTreeSet<(&str, &str)> {
         let name = |i: usize| self.files[i].name.as_str();
         let arrows = self.arrows();

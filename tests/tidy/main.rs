@@ -9,16 +9,16 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// Longest file in lines.
+/// Maximum length of a file, lines.
 const LINES_MAX: usize = 500;
 
-/// Longest line in columns, comments too.
+/// Maximum length of a line, columns, comments included.
 const COLUMNS_MAX: usize = 100;
 
-/// Reads the kernel's folder of USB devices.
+/// Module that reads the kernel's folder of USB devices.
 const USB: &str = "rig/camera/genicam/usb";
 
-/// Drives a PWM channel, whose only interface are the kernel's files.
+/// Module that drives a PWM channel, whose only interface is the kernel's files.
 const PWM: &str = "rig/pwm_trigger";
 
 /// Modules that may touch files.
@@ -47,7 +47,7 @@ fn source_files(folder: &str) -> Vec<(String, String)> {
     found
 }
 
-/// The module of layer `n` that `src/<module>…` belongs to.
+/// Top-level module of the file `name`; `None` outside `src`.
 fn module(name: &str) -> Option<&str> {
     let inside = name.strip_prefix("src/")?;
     Some(inside.split(['/', '.']).next().unwrap_or(inside))
@@ -77,8 +77,7 @@ fn layers() -> BTreeMap<String, usize> {
     layers
 }
 
-/// Every `crate::x` outside comments, `x` being the first word after it; `crate::{a, b::c}` is read
-/// too.
+/// The first word after each `crate::` outside comments, also of each part of `crate::{a, b::c}`.
 fn crate_uses(text: &str) -> BTreeSet<String> {
     let code: String =
         text.lines().map(|line| format!("{}\n", line.split("//").next().unwrap_or(""))).collect();
@@ -152,7 +151,7 @@ fn every_module_is_in_a_layer_and_the_witness_stays_independent() {
         let module = line.trim_end_matches(';');
         assert!(layers.contains_key(module), "src/lib.rs draws no layer with {module}");
     }
-    // What makes the simulator an independent witness, whatever else is drawn.
+    // These make the simulator an independent witness, whatever else the table says.
     assert_eq!((layers["frame"], layers["remedy"]), (0, 0));
     assert!(layers["deconvolution"] < layers["rig"] && layers["rig"] == layers["calibration"]);
     for (name, text) in source_files("src/rig") {
@@ -185,7 +184,7 @@ fn no_file_has_a_name_that_says_nothing() {
 
 #[test]
 fn nothing_is_left_to_do_and_no_path_of_a_machine_is_in_the_tree() {
-    // Built from pieces, so that this file does not accuse itself.
+    // Built from pieces, so that this file does not contain them.
     let forbidden = [
         ["todo", "!("],
         ["unimplemented", "!("],
@@ -246,7 +245,7 @@ fn files_time_and_chance_come_in_where_they_may() {
         for word in ["thread_rng", "rand::rng()", "from_os_rng"] {
             assert!(!code.contains(word), "{name} holds {word}");
         }
-        // A library call unless the processor is known to have it: `multiply_add` asks.
+        // `mul_add` may be a library call; `multiply_add` checks that the processor has it.
         if inside != "frame/instructions.rs" {
             assert!(!code.contains(".mul_add("), "{name} holds .mul_add(");
         }
@@ -272,14 +271,14 @@ fn the_reader_of_imports_finds_circles_however_they_are_written() {
         ring("use crate::b; fn f(_: b::B) {}", "use crate::c::*; fn f(_: D) {}", "").len(),
         0
     );
-    // Two files may know each other; comments, strings and tests use nothing.
+    // Two files may use each other; names in comments, strings and tests are not uses.
     assert_eq!(ring("use crate::b::B;", "use crate::a::A; // crate::c::D", "").len(), 0);
     assert_eq!(ring("use crate::b::B;", "const X: &str = \"crate::c::D\";", "").len(), 0);
     assert_eq!(
         ring("use crate::b::B;", "#[cfg(test)]\nmod tests { use crate::c::D; }", "").len(),
         0
     );
-    // Passing a name on is no use of it; using what is passed on is.
+    // Re-exporting a name does not use it; using a re-exported name does.
     assert_eq!(ring("use crate::c::g;", "", "pub fn g() {}").len(), 0);
     let through = vec![["src/a.rs", "src/c/d.rs", "src/c/mod.rs"].map(String::from).to_vec()];
     assert_eq!(ring("use crate::c::g;", "", "pub fn g(_: D) {}"), through);
@@ -302,7 +301,7 @@ fn no_circle_of_imports_has_more_than_two_files() {
     none("circles of imports", files);
 }
 
-/// Nothing breaks a rule.
+/// Checks that nothing breaks `rule`.
 fn none(rule: &str, found: BTreeSet<String>) {
     assert!(found.is_empty(), "{rule}: {found:?}");
 }
@@ -339,7 +338,7 @@ fn no_type_name_is_defined_twice() {
                 continue;
             };
             let word: String = rest.chars().take_while(|c| c.is_alphanumeric()).collect();
-            // A macro's `$name` is none.
+            // A macro's `$name` is not a name.
             if !associated && !word.is_empty() {
                 places.entry(word).or_default().push(name.clone());
             }

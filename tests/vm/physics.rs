@@ -22,8 +22,8 @@ use relens::rig::simulated;
 
 type Outcome<T> = Result<T, Box<dyn std::error::Error>>;
 
-/// First byte of a picture taken while the panel is away. Four follow, of the exposure as a
-/// multiple of the truth's.
+/// First byte of a picture taken while the panel is away. Four bytes follow: the exposure as a
+/// multiple of the truth's (`f32`).
 const AWAY: u8 = 1;
 const HEADER_BYTES: usize = 5;
 
@@ -41,7 +41,7 @@ fn connected(socket: &str) -> Outcome<UnixStream> {
     }
 }
 
-/// Bytes of 8-bit counts: red, green and blue, or one per site with colour filters.
+/// Writes 8-bit counts into `bytes`: red, green and blue, or one per site with colour filters.
 fn pack(counts: &Counts, mosaic: Option<Mosaic>, bytes: &mut Vec<u8>) {
     bytes.clear();
     if let Some(mosaic) = mosaic {

@@ -1,5 +1,5 @@
 //! Events of the kernel's tracer: flips of the display and edges of the trigger line; for a
-//! free-running camera exposures at its own times instead of edges.
+//! free-running camera, exposures at regular intervals instead of edges.
 
 use std::fs::{self, File};
 use std::io::{ErrorKind, Read};
@@ -31,19 +31,19 @@ struct FreeRun {
     interval_s: f64,
 }
 
-/// A private instance of the kernel's tracer with these events.
+/// A private instance of the kernel's tracer that records flips and edges.
 pub struct Trace {
     pipe: File,
     text: String,
     rise: String,
     free_run: Option<FreeRun>,
-    /// A flip after an exposure that was not reported yet.
+    /// A recorded event that follows the last exposure reported, not reported itself yet.
     kept: Option<Event>,
 }
 
 impl Trace {
-    /// `line` is the trigger's global number; it is ignored for a camera that exposes every
-    /// `interval_s`.
+    /// Starts tracing. `line` is the trigger's global number; it is ignored for a camera that
+    /// exposes every `interval_s`.
     pub fn start(line: &str, interval_s: Option<f64>) -> Outcome<Trace> {
         let folder = Path::new("/sys/kernel/tracing/instances/physics");
         if !folder.exists() {
@@ -106,7 +106,7 @@ impl Trace {
         None
     }
 
-    /// `task-pid [cpu] flags seconds: event: …`
+    /// Event of a line `task-pid [cpu] flags seconds: event: …`; `None` for other lines.
     fn event(&self, line: &str) -> Option<Event> {
         let (kind, at) = match (line.find("drm_vblank_event_delivered: "), line.find(&self.rise)) {
             (Some(at), _) => (true, at),

@@ -1,8 +1,8 @@
-//! The virtual rig's USB camera, at which the kernel's own `uvcvideo` looks: a webcam with a
-//! trigger in the maker's extension unit, and a bulk endpoint.
+//! The virtual rig's USB camera, driven by the kernel's own `uvcvideo`: a webcam with a trigger in
+//! the maker's extension unit, and a bulk endpoint.
 //!
-//! After each plug it has its defaults: it exposes automatically and runs free. A frame is sent
-//! after its exposure, which is as long as set but not longer than the frame interval.
+//! Whenever it is plugged in, it has its defaults: it exposes automatically and runs free. A frame
+//! is sent after its exposure, which is as long as set but not longer than the frame interval.
 
 use std::collections::VecDeque;
 use std::path::Path;
@@ -43,7 +43,7 @@ struct Plugged {
     values: [i32; CONTROLS.len()],
     /// Frame interval, in units of 100 ns.
     interval: u32,
-    /// Buffers of the host that wait for data.
+    /// Numbers of the host's requests that wait for data.
     waiting: VecDeque<u32>,
     payloads: VecDeque<Vec<u8>>,
     parity: u8,
@@ -64,8 +64,8 @@ impl UsbCamera {
         self.plugged.lock().unwrap()
     }
 
-    /// Plugs the camera in once `wish` exists, and serves it until it is unplugged, again and
-    /// again; then `wish` is removed.
+    /// Plugs the camera in whenever `wish` exists and serves it until unplugged; then removes
+    /// `wish`.
     pub fn run(&self, wish: &Path) -> Outcome<()> {
         loop {
             while !wish.exists() {
@@ -86,7 +86,7 @@ impl UsbCamera {
         }
     }
 
-    /// Length of an exposure at a trigger; `None` if the camera is not there or does not expose.
+    /// Exposure time at a trigger, seconds; `None` if the camera is unplugged or runs free.
     pub fn exposure_s(&self) -> Option<f64> {
         let state = self.state();
         let plugged = state.as_ref()?;
@@ -192,7 +192,7 @@ impl Plugged {
             }
             // The end of a stream.
             (0x02, CLEAR_FEATURE, _) => self.payloads.clear(),
-            // Configurations and interfaces: there is one of each.
+            // Choices of a configuration or interface have no effect: there is one of each.
             _ => {}
         }
         Some(())
@@ -221,11 +221,11 @@ impl Plugged {
                     GET_MINIMUM => control.minimum,
                     GET_MAXIMUM => control.maximum,
                     GET_DEFAULT => control.default,
-                    // The modes that there are.
+                    // Bits of the available modes.
                     GET_STEP if control.name == AUTO_EXPOSURE => MANUAL | 8,
                     GET_STEP => 1,
                     GET_LENGTH => return Some((control.bytes as u16).to_le_bytes().into()),
-                    // Read and written.
+                    // The control can be read and written.
                     GET_ABILITIES => return Some(vec![3]),
                     _ => return None,
                 };

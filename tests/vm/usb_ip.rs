@@ -1,4 +1,5 @@
-//! USB/IP: a device of this program at a port of the kernel's virtual host controller (`vhci-hcd`).
+//! USB/IP: attaches a device of this program to a port of the kernel's virtual host controller
+//! (`vhci-hcd`).
 //!
 //! The protocol is in the kernel's Documentation/usb/usbip_protocol.rst. Its numbers are
 //! big-endian.
@@ -24,7 +25,7 @@ const UNLINK: u32 = 2;
 const SUBMITTED: u32 = 3;
 const UNLINKED: u32 = 4;
 
-/// Status of a transfer that the device refuses (EPIPE), and of one that was called back
+/// Status of a transfer that the device refuses (EPIPE), and of one that the host cancelled
 /// (ECONNRESET).
 const STALLED: i32 = -32;
 const CALLED_BACK: i32 = -104;
@@ -45,7 +46,7 @@ pub enum Request {
     Control { number: u32, setup: Setup, data: Vec<u8> },
     /// A buffer for data of the streaming endpoint.
     Stream { number: u32 },
-    /// The request `of` is called back.
+    /// The host cancels the request `of`.
     Unlink { number: u32, of: u32 },
 }
 
@@ -110,7 +111,7 @@ impl Plug {
         self.answer(SUBMITTED, number, [STALLED, 0], &[])
     }
 
-    /// Answers a call back; `was_waiting` unless its request was answered before.
+    /// Answers a cancellation; `was_waiting` is false if the request was answered before.
     pub fn unlink(&mut self, number: u32, was_waiting: bool) -> Outcome<()> {
         self.answer(UNLINKED, number, [if was_waiting { CALLED_BACK } else { 0 }, 0], &[])
     }

@@ -3,7 +3,7 @@
 
 use relens::frame::Size;
 
-/// Units of the camera, in the order of the light.
+/// Units of the camera, in the order in which a picture passes them.
 pub const CAMERA: u8 = 1;
 pub const PROCESSING: u8 = 2;
 pub const EXTENSION: u8 = 3;
@@ -25,7 +25,8 @@ pub const BYTES_PER_PIXEL: usize = 3;
 pub const PAYLOAD_BYTES: usize = 32 * PACKET_BYTES as usize;
 const PACKET_BYTES: u16 = 512;
 
-/// Shortest and longest frame interval, in units of 100 ns: 60 frames a second to one in two.
+/// Shortest and longest frame interval, in units of 100 ns: 60 frames a second and one frame in two
+/// seconds.
 pub const INTERVALS: [u32; 2] = [166_667, 20_000_000];
 
 /// A control of a unit.
@@ -49,9 +50,9 @@ const fn control(
     Control { unit, selector, bit, name, bytes: bytes as usize, minimum, maximum, default }
 }
 
-/// Controls with the defaults of a webcam, which its owner must not keep: automatic exposure and
-/// white balance, some gain and gamma. The maker's extension has a trigger, which is off.
-/// The range of one cannot be had, as happens with webcams.
+/// Controls with the defaults of a webcam, which a rig must change: automatic exposure and white
+/// balance, some gain and gamma. The maker's extension has a trigger, which is off. The range of
+/// [`BROKEN`] cannot be read, as happens with webcams.
 pub const CONTROLS: [Control; 14] = [
     control([CAMERA, 0x02, 1, 1], AUTO_EXPOSURE, [1, 8, 8]),
     control([CAMERA, 0x04, 3, 4], EXPOSURE, [1, 20_000, 100]),
@@ -73,7 +74,7 @@ pub const AUTO_EXPOSURE: &str = "auto_exposure";
 pub const EXPOSURE: &str = "exposure_time_absolute";
 pub const TRIGGER_MODE: &str = "trigger_mode";
 
-/// `bmControls` of `unit`, with their length before them.
+/// `bmControls` of `unit`, preceded by their length.
 fn available(unit: u8, bytes: u8) -> Vec<u8> {
     let mut bits = vec![0; usize::from(bytes)];
     for control in CONTROLS.iter().filter(|control| control.unit == unit) {
@@ -115,7 +116,7 @@ pub fn configuration(size: Size) -> Vec<u8> {
         units(),
         part(INTERFACE, &[&[1, 0, 1, 0x0e, 2, 0, 0]]),
         formats(size),
-        // A bulk endpoint, of the first input number.
+        // A bulk endpoint with the first input number.
         part(5, &[&[0x81, 2], &PACKET_BYTES.to_le_bytes(), &[0]]),
     ]
     .concat();
@@ -162,7 +163,7 @@ fn formats(size: Size) -> Vec<u8> {
                 &[0; 8],
                 &frame_bytes.to_le_bytes(),
                 &shortest,
-                // Intervals without gaps.
+                // All intervals between the shortest and the longest.
                 &[0],
                 &shortest,
                 &longest,

@@ -63,7 +63,8 @@ struct FreeRun {
 /// Delays of the first packet of successive frames, as shares of an interval.
 const HELD_BACK: [f64; 5] = [0.0, 0.6, 0.3, 0.9, 0.05];
 
-/// Latency beyond which the picture of an exposure may be a later one, so that it is skipped.
+/// Latency, milliseconds, beyond which the picture of an exposure may be a later one, so that it is
+/// skipped.
 const LATE_MS: f64 = 50.0;
 
 /// The camera's node, ready for frames.
@@ -90,8 +91,9 @@ fn camera(video: &str, truth: &config::RigFile, free_run: Option<FreeRun>) -> Ou
     Ok(node)
 }
 
-/// Delivers each frame after its exposure and read-out, or once it is computed; the driver stamps
-/// it then. A free-running camera drops frames that would be delayed by more than an interval.
+/// Delivers each frame after its exposure and read-out, or later, once it is computed; the driver
+/// stamps it at delivery. A free-running camera drops frames that would be delayed by more than an
+/// interval.
 fn deliver(
     bench: &Bench,
     video: &str,

@@ -14,8 +14,8 @@ fn bent(share: f64, [gamma, knee, slope]: [f64; 3]) -> f64 {
     share - (share - knee).max(0.0) * (1.0 - slope)
 }
 
-/// A gradation in three channels at one, two and three exposures with flicker of up to `flicker`,
-/// without clipped readings.
+/// Readings of a gradation in three channels at one, two and three times the exposure, with flicker
+/// of up to `flicker` and without clipped readings.
 fn exposed(camera: [f64; 3], flicker: f64, seed: u64) -> Vec<Exposures> {
     let mut lots = Xoshiro256PlusPlus::seed_from_u64(seed);
     let shaken = [1.0, 2.0, 3.0].map(|times| (times, 1.0 + flicker * lots.random_range(-1.0..1.0)));

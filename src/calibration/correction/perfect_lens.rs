@@ -192,7 +192,7 @@ mod tests {
         assert_eq!(seen.plane(Channel::Green).rms(), 0.0);
         let map = &calibration().geometry;
         let blue = picture.plane(Channel::Blue);
-        // Light at a point of the panel: that of its pixel, which shows the picture at its centre.
+        // A panel pixel has, over its whole area, the picture's light at the pixel's centre.
         let light = |x: f64, y: f64| {
             let (x, y) = map.panel_to_work.at(x.round(), y.round());
             sample(blue, x as f32 + 4.0, y as f32 + 4.0)

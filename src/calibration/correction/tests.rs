@@ -27,7 +27,7 @@ fn codes_show_the_light_of_the_picture_at_the_mapped_positions() {
     });
     let codes = correction.show(&picture);
     let curve = &calibration().curves[1];
-    // Blocks of 8×8 panel pixels: error diffusion makes their mean light right.
+    // Error diffusion is exact only in the mean, here over 8×8 panel pixels.
     for by in [10usize, 22, 34] {
         for bx in [10usize, 25, 40] {
             let (mut shown, mut wanted) = (0.0f64, 0.0f64);
@@ -40,7 +40,7 @@ fn codes_show_the_light_of_the_picture_at_the_mapped_positions() {
             assert!((shown - wanted).abs() < 0.25, "{bx} {by}: {shown} {wanted}");
         }
     }
-    // Far outside, the border's light repeats.
+    // Far outside the canvas, the light of its border is repeated.
     let corner = curve.light(codes.plane(Channel::Green).at(0, 0));
     assert!((f64::from(corner) - light(-4.0, -4.0)).abs() < 2.0, "{corner}");
 }

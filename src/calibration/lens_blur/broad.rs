@@ -232,7 +232,7 @@ mod tests {
                     (share(&found) / share(&truth) - 1.0).abs() < 0.1,
                     "{beyond:?} {truth:?}: {found:?}"
                 );
-                // The test is the light of a picture outside the fit.
+                // Compares the predicted light of a picture that the fit did not use.
                 let shown = Plane::from_fn(SIZE, |x, y| if x * 3 > y * 4 { 200.0 } else { 20.0 });
                 let mut light = [Plane::zeros(SIZE), Plane::zeros(SIZE)];
                 model(&truth, beyond).forward(Channel::Green, &shown, &mut light[0]);
@@ -277,7 +277,7 @@ mod tests {
             ratios.extend((before > 0.0).then_some(all / before));
             assert!(before > 0.0 || all.abs() < 1e-6, "{all}");
         }
-        // The total within the support is unchanged, tap by tap.
+        // Within the support, functions plus halos are proportional to the measurement, tap by tap.
         let beyond: f32 = halos.iter().map(|halo| halo.beyond(side)).sum();
         assert!((sum - 1.0).abs() < 1e-4 && (seen - (1.0 - beyond)).abs() < 1e-4, "{sum} {seen}");
         assert!(ratios.iter().all(|ratio| (ratio / seen - 1.0).abs() < 1e-4), "{ratios:?}");

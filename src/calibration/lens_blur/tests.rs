@@ -49,7 +49,7 @@ fn the_functions_are_recovered_without_noise() {
     let mut fit = FunctionFit::new(GRID, &Plane::filled(GRID.canvas(), 1)).unwrap();
     let taps = fit.taps(Channel::Green, &shots(&functions, 0.0), 10).unwrap();
     let worst = taps.iter().zip(&functions.taps[1]).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
-    // The ridge leaves a thousandth.
+    // The ridge term leaves an error below a thousandth.
     assert!(worst < 1e-3, "{worst}");
 }
 

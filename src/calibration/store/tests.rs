@@ -21,7 +21,7 @@ fn the_newer_slot_is_loaded() {
     assert_eq!(SLOTS.map(|s| slot(folder.path(), s).generation), [3, 2]);
     std::fs::write(folder.path().join(SLOTS[0]), b"").unwrap();
     assert_eq!(load(folder.path(), rig).unwrap().generation, 2);
-    // The next replaces the invalid one.
+    // The next calibration replaces the invalid slot.
     save(folder.path(), &Calibration { generation: 3, ..calibration() }).unwrap();
     assert_eq!(SLOTS.map(|s| slot(folder.path(), s).generation), [3, 2]);
 }

@@ -325,7 +325,7 @@ mod tests {
         });
         let html = card_of(&report);
         assert!(!html.contains("certificate good") && html.contains("strong noise"), "{html}");
-        // No pair of numbers in which the larger one is the better.
+        // The page shows no pair of numbers of which the larger one is better.
         assert!(!html.contains("75."), "{html}");
     }
 

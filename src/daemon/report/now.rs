@@ -53,7 +53,7 @@ mod tests {
         ] {
             let page = line(&doing, 1_700_000_000);
             assert!(page.contains(words) && page.contains("2023-11-14"), "{page}");
-            // The page reloads itself only without scripts, for the sake of screen readers.
+            // The page reloads only without scripts, since reloads disturb screen readers.
             assert!(page.contains("<noscript><meta http-equiv=\"refresh\""), "{page}");
         }
     }

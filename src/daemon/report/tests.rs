@@ -114,7 +114,7 @@ fn originals_and_scenes_are_found() {
     (0..3).for_each(|n| add(&mut gallery, &folders, &report(n)));
     std::fs::create_dir(root.path().join(SCENES)).unwrap();
     std::fs::write(root.path().join(SCENES).join("photo 0001.jpg"), "a").unwrap();
-    // The second photo's original exists; the third's has another length, so is another photo.
+    // The second photo has its original; the third's has another length, so it is another photo.
     std::fs::write(folders.done.join("photo 0001.jpg"), "a").unwrap();
     std::fs::write(folders.done.join("photo 0002.jpg"), "abc").unwrap();
     gallery.write(&folders, "small", &[], 0).unwrap();
@@ -214,7 +214,7 @@ fn a_browser_shows_the_gallery_of_four_thousand_photos() {
             let is = |value: &f32, on: bool| if on { *value > 200.0 } else { *value < 60.0 };
             pixels.filter(|((r, g), b)| is(r, rgb[0]) && is(g, rgb[1]) && is(b, rgb[2])).count()
         };
-        // The style's colour of failures.
+        // Counts pixels in the style sheet's colour for failures.
         let [red, green, blue] = read.light.planes();
         let pixels = red.data().iter().zip(green.data()).zip(blue.data());
         let near = |value: &f32, code: f32| (value - code).abs() < 6.0;
@@ -226,7 +226,7 @@ fn a_browser_shows_the_gallery_of_four_thousand_photos() {
             assert_eq!(alarm, 0, "{page}: no failures");
         }
         let small = count([false, true, false]);
-        // Sixty stamps of about 83×62 pixels.
+        // Each of sixty thumbnails covers about 83×62 pixels.
         assert!(small > photos * 83 * 62 / 2, "{page}: {small} pixels of small pictures");
         let dom =
             String::from_utf8(run(browser, profile.path(), &["--dump-dom"], &outbox.join(&page)))

@@ -223,8 +223,8 @@ mod tests {
     fn variances_are_large_where_the_lens_passes_little() {
         let noise = BlockNoise::deconvolved(&Passed::of(&bell(), Channel::Green), 1.0, 25.0);
         let (table, _) = noise.at(0, 0, Size::new(40, 30));
-        // Computed by an independent program: the mean, the finest along x and the finest along y,
-        // stored transposed.
+        // Variances by an independent program: of the mean, of the finest detail along x, and of
+        // the finest along y; the table is stored transposed.
         for (k, wanted) in [(0, 3.8041), (7 * SIDE, 24.9770), (7, 23.6815)] {
             assert!((table[k] - wanted).abs() < 0.01, "{k}: {}, {wanted}", table[k]);
         }

@@ -26,13 +26,13 @@ fn noisy(picture: &Plane, deviation: f32, seed: u64) -> Plane {
     let mut random = Xoshiro256PlusPlus::seed_from_u64(seed);
     picture.map(|v: f32| {
         let noise: f32 = StandardNormal.sample(&mut random);
-        // Whole numbers, whose sums of squares are exact: both implementations choose the same
+        // Sums of squares of whole numbers are exact, so that both implementations choose the same
         // blocks.
         (v + deviation * noise).round()
     })
 }
 
-/// Noise of a lens that blurs more along x, twice as much on the right.
+/// Noise after deconvolving a lens whose blur along x doubles from left to right.
 fn coloured() -> BlockNoise<'static> {
     let bell = |wide: f32| -> Vec<f32> {
         let taps: Vec<f32> = (0..121)

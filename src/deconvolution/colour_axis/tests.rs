@@ -12,7 +12,7 @@ fn cosine(a: [f32; 3], b: [f32; 3]) -> f32 {
     (0..3).map(|c| a[c] * b[c]).sum::<f32>().abs()
 }
 
-/// Covariance of colours along `line` with powers `along` it and `off` it.
+/// Covariance of colours with variance `along` in the direction of `line` and `off` across it.
 fn covariance(line: [f32; 3], along: f32, off: f32) -> [f32; 6] {
     let u = axis::unit(line);
     [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)]
@@ -158,7 +158,7 @@ fn projection_keeps_details_along_the_axis_and_restores_a_lost_channel() {
     for (found, want) in found.iter().zip(&along) {
         assert!(found.data().iter().zip(want.data()).all(|(a, b)| (a - b).abs() < 1e-4));
     }
-    // Blue was lost; green, with the highest transmission, determines it.
+    // The lens passes almost no blue; green, which it passes best, determines it.
     let mut blind = along.clone();
     blind[2] = Plane::zeros(size);
     shrinkage::project(blind.each_mut(), &map, [0.3, 0.9, 1e-4]);
@@ -186,7 +186,7 @@ fn a_shift_by_levels_is_a_shift_of_the_whole_transform() {
     let size = Size::new(48, 32);
     let plane = details(size)[1].clone();
     for shift in [(0, 0), (1, 0), (5, 11), (15, 8)] {
-        // The second level halved, the others as they are.
+        // Halves the second level only.
         let mut planes = [plane.clone(), plane.clone(), plane.clone()];
         AlongAxes::new(size, 4).at_shift(&mut planes, shift, &|level, bands| {
             bands.into_iter().for_each(|band| band.scale(if level == 1 { 0.5 } else { 1.0 }));

@@ -1,4 +1,4 @@
-//! Shares found in photos through a known lens, and bounds on its norms.
+//! Focus shares estimated from photos through a known lens, and bounds on the lens's norms.
 
 use std::sync::Arc;
 
@@ -12,7 +12,7 @@ fn measured() -> LensFunctions {
     gaussians([2.0, 1.2, 1.7])
 }
 
-/// The shares of `photo` through the lens of `functions`.
+/// Shares estimated from `photo` with the measured `functions`.
 fn found(functions: &LensFunctions, photo: &Observation) -> Option<ColourFocus> {
     ColourFocus::of(&lens(functions), photo)
 }

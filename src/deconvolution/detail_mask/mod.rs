@@ -340,7 +340,7 @@ mod tests {
 
     #[test]
     fn details_keep_their_thresholds_and_flat_places_begin_beyond_their_blur() {
-        // A point as a lens blurs it.
+        // A point of light, blurred by a lens.
         let dots = factors(|x, y| {
             let far = (x as f32 - 40.0).hypot(y as f32 - 60.0) / 3.0;
             90.0 + 50.0 * (-far * far / 2.0).exp()
@@ -365,7 +365,7 @@ mod tests {
     #[test]
     fn thresholds_follow_the_noise_law() {
         let size = Size::new(320, 120);
-        // A dark half, a bright half, and more of the dark; details everywhere.
+        // A dark part and a smaller bright one, with details everywhere.
         let light = |x: usize| if x < 200 { 20.0 } else { 100.0 };
         let photo = Plane::from_fn(size, |x, y| light(x) * (1.0 + 0.5 * (0.6 * y as f32).sin()));
         let trust = Plane::filled(size, TRUSTED);

@@ -100,7 +100,7 @@ mod tests {
         })
     }
 
-    /// Mean factors on the thresholds in the left and the right half, where the photo has waves of
+    /// Mean factors of the thresholds in the left and the right half, if the photo has waves of
     /// `height` and the residual waves of `remaining`.
     fn shares(height: f32, remaining: f32) -> [f32; 2] {
         let mut photo = noise(7);

@@ -11,7 +11,7 @@ const SIZE: Size = Size::new(192, 160);
 /// Standard deviation of the noise, grey levels.
 const NOISE: f32 = 0.6;
 
-/// Gaussian functions at `offset`, each channel with another focus.
+/// Gaussian functions at the focus `offset`; each channel is in focus at another offset.
 fn gaussians(offset: f32) -> LensFunctions {
     let (rows, columns, support_px) = (3, 4, 15);
     let of = |channel: Channel| {
@@ -201,10 +201,10 @@ const POWERS: [f32; 2] = [0.16, 0.002];
 
 #[test]
 fn noise_above_the_sensor_s_is_estimated() {
-    // Through a wide lens and a narrow one.
+    // With strong blur and with weak blur.
     for offset in [0.03, 0.0] {
         let lens = gaussians(offset);
-        // Factors on the power in the dark and on the light's: none, small, gain, both, read noise.
+        // Factors on the power in the dark and per level: none, small, gain, both, read noise.
         for (seed, [black, light]) in [
             (21, [1.0, 1.0]),
             (22, [2.0, 2.0]),

@@ -46,7 +46,7 @@ fn mills(x: f32) -> f32 {
 mod tests {
     use super::*;
 
-    /// The mean by a sum over the interval.
+    /// The truncated mean, by a sum over the interval.
     fn summed(offset: f64, half: f64, spread: f64) -> f64 {
         let (count, from) = (20_000, offset - half);
         let at = |n: usize| from + 2.0 * half * (n as f64 + 0.5) / count as f64;

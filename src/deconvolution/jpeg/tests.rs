@@ -31,7 +31,7 @@ fn scene(size: Size) -> Frame<Work> {
     })
 }
 
-/// Codes `photo` as a JPEG whose steps grow from `first` by `more` a frequency.
+/// Codes `photo` as a JPEG whose steps grow from `first` by `more` per frequency.
 fn stated_by(photo: &Frame<Work>, pixels: (u8, u8), (first, more): (u16, u16)) -> Coding {
     let (size, light) = (photo.size(), lights());
     let curve = CodeCurve::new(&light, &|_| 0.0).unwrap();
@@ -113,10 +113,10 @@ fn the_term_by_units_is_that_of_the_plain_form() {
     }
 }
 
-/// Sum over all coefficients of the squared distance of `light`'s from the intervals of `coding`.
+/// Sum of the squared distances of the coefficients of `light` from the intervals of `coding`.
 fn outside(coding: &Coding, (light, rect): (&Frame<Work>, Rect)) -> f64 {
     let photo = Frame::from_fn(|c| light.plane(c).crop(rect));
-    // In steps of 1, which hardly quantise.
+    // Steps of 1 hardly quantise.
     let pixels = coding.densest();
     let fine = stated_by(&photo, pixels, (1, 0));
     let components = coding.components.iter().zip(&fine.components);
@@ -139,7 +139,7 @@ fn each_step_along_the_gradient_comes_nearer_to_what_the_file_states() {
         let coding = stated_by(&photo, pixels, (10, 6));
         let (canvas, rect) = placed(&photo);
         let term = JpegTerm::of(&stated(&coding, &light, (&canvas, rect))).unwrap();
-        // K = 1: the step is K L − (K L − B̃).
+        // With K = 1, a step gives L − (L − B̃), the picture decoded again.
         let mut picture = moved(&canvas);
         let mut before = outside(&coding, (&picture, rect));
         let begun = before;

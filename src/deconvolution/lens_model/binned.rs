@@ -118,7 +118,7 @@ mod tests {
                 let (mut seen, mut own) = (Plane::zeros(scene.size()), enlarged.clone());
                 binned.forward(c, &scene, &mut seen);
                 model.forward(c, &enlarged, &mut own);
-                // Away from the border, whose pixels enlarging repeats.
+                // Compares away from the border, whose pixels the enlargement repeats.
                 for y in 5..scene.height() - 5 {
                     for x in 5..scene.width() - 5 {
                         let at = |p: &SquarePlace| {

@@ -405,7 +405,7 @@ mod tests {
         }
     }
 
-    /// The exact Gaussian.
+    /// `light` blurred by the exact Gaussian.
     fn plain(light: &Plane, radius_px: f32) -> Plane {
         let bell = |d: usize| {
             (-0.5 * (d as f32 / radius_px).powi(2)).exp()

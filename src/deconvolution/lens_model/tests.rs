@@ -12,8 +12,8 @@ use crate::frame::{Mosaic, Rect, read_npy_f32};
 use plain::Plain;
 
 impl LensModel {
-    /// ‖K‖² of one channel, the largest eigenvalue of KᵀK, by `iterations` of the power method from
-    /// random numbers of `seed`; approached from below.
+    /// ‖K‖² of one channel, the largest eigenvalue of KᵀK, approached from below by `iterations` of
+    /// the power method, which starts from random numbers of `seed`.
     pub(crate) fn norm_squared(&self, channel: Channel, iterations: usize, seed: u64) -> f32 {
         let mut random = Xoshiro256PlusPlus::seed_from_u64(seed);
         let mut x = Plane::from_fn(self.canvas, |_, _| random.random::<f32>());

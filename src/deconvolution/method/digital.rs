@@ -372,7 +372,7 @@ mod tests {
             let blurred = error((observation.light.clone(), IterationRecord::default())).0;
             let words = format!("noise {noise}: {on_two} {on_one} {blurred}");
             assert!(on_two < 1.02 * on_one, "{words}");
-            // Here the raw photo has no sites of its own.
+            // Not so for the raw photo, whose light is given at all pixels here.
             assert!(sampling.mosaic().is_some() || on_two < 0.8 * blurred, "{words}");
         }
     }

@@ -183,8 +183,8 @@ mod tests {
             shrunk.clone_from(&source);
             dual.shrink(&mut shrunk, 4.0);
         }
-        // A step of 100 between halves 20 wide sinks by weight/20 on either side, and the noise is
-        // gone.
+        // A step of 100 between halves 20 wide shrinks by weight/20 on either side; the noise is
+        // removed.
         assert!((shrunk.at(10, 15) - 50.2).abs() < 0.3, "{}", shrunk.at(10, 15));
         assert!((shrunk.at(30, 15) - 149.8).abs() < 0.3, "{}", shrunk.at(30, 15));
         assert!((shrunk.at(5, 5) - shrunk.at(6, 6)).abs() < 0.2);

@@ -360,7 +360,7 @@ impl Transform2 {
 mod tests {
     use super::*;
 
-    /// Two pictures, two functions of 3×3 that differ.
+    /// Two pictures, and two different functions of 3×3.
     fn pair(size: Size) -> ([Vec<f32>; 2], [[f32; 9]; 2]) {
         let picture =
             |k: usize| (0..size.area()).map(|i| ((i * (7 + k) + i * i % 11) % 97) as f32).collect();
@@ -396,7 +396,7 @@ mod tests {
             let all = sums.iter().all(|sum| (sum - 1.0).abs() < 1e-6);
             assert!(all, "tiles of {tile} from {first} over {length}: {sums:?}");
         }
-        // Six tiles of 64 with a margin of 10 on both sides need no others.
+        // Six tiles of 64 suffice for their own length and a margin of 10 on both sides.
         assert_eq!(TileWindow::of(64).places(10, 6 * 64 + 20), 0..6);
     }
 

@@ -9,10 +9,10 @@ use crate::frame::{Channel, Channels, Frame, Plane, Rect, Size, Work};
 
 /// Size of photos.
 pub(super) const SIZE: Size = Size { width: 90, height: 70 };
-/// Their canvas's margin.
+/// Margin of the photos' canvas.
 const MARGIN_PX: usize = 8;
 
-/// One function a channel for the whole field, Gaussians of `sigmas` pixels.
+/// One Gaussian function per channel for the whole field; `sigmas` are in pixels.
 pub(super) fn gaussians(sigmas: [f32; 3]) -> LensFunctions {
     let taps = sigmas.map(|sigma| {
         let bell = (0..225).map(|t| {

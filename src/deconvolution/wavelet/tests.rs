@@ -106,7 +106,7 @@ proptest! {
         transform.synthesise(&found, &mut back, &mut scratch);
         prop_assert!(largest_difference(&back, &x) < 1e-5);
 
-        // Shifting the plane before the transform is the same as inside.
+        // Shifting the plane before the transform has the same effect as shifting within it.
         let turned = Plane::from_fn(size, |i, j| x.at((i + sx) % width, (j + sy) % height));
         let mut inside = transform.zeros();
         transform.analyse(&turned, &mut found, &mut scratch);

@@ -61,7 +61,7 @@ fn spinning_everywhere_is_the_mean_over_all_shifts() {
             mean.add_scaled(1.0 / 16.0, &one);
         }
         assert!(largest_difference(&spun, &mean) < 1e-3);
-        // Hence translation invariance.
+        // The result is therefore invariant to translation.
         let mut moved = rotated(&x, (1, 2));
         shrinkage.shrink_everywhere(&mut moved, &[3.0, 2.0], None, 5, &mut scratch);
         assert!(largest_difference(&rotated(&spun, (1, 2)), &moved) < 1e-3);

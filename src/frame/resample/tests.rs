@@ -15,7 +15,7 @@ fn smooth_plane(size: Size, shortest_px: f32) -> Plane {
     Plane::from_fn(size, |x, y| smooth(shortest_px, x as f32, y as f32))
 }
 
-/// Value inside `plane` by Keys' kernel with a = −¾, as OpenCV has it.
+/// Value inside `plane` by Keys' kernel with a = −¾, as in OpenCV.
 fn sample_by_opencv(plane: &Plane, x: f32, y: f32) -> f32 {
     let weight = |distance: f32| match distance.abs() {
         d @ 0.0..=1.0 => (1.25 * d - 2.25) * d * d + 1.0,
@@ -83,7 +83,7 @@ fn integer_positions_and_quadratic_planes_are_exact() {
 fn warp_equals_sample_at_every_position() {
     let source = Plane::from_fn(Size::new(31, 23), |x, y| ((x * 37 + y * 91) % 101) as f32);
     let size = Size::new(64, 50);
-    // From well outside to well outside, with some integer positions and some NaN.
+    // From far outside to far outside, with some whole positions and some that are not finite.
     let mut map_x = Plane::from_fn(size, |x, y| x as f32 * 0.75 - 8.0 + y as f32 * 0.01);
     let map_y = Plane::from_fn(size, |x, y| y as f32 * 0.5 - 1.0 + x as f32 * 0.02);
     map_x.set(5, 5, f32::NAN);

@@ -25,7 +25,7 @@ fn longs(values: &[u32]) -> Vec<u8> {
     values.iter().flat_map(|v| v.to_le_bytes()).collect()
 }
 
-/// Fractions as libtiff converts floating numbers.
+/// Fractions to which libtiff converts floating-point numbers.
 fn fractions(values: &[f64]) -> Vec<u8> {
     let each = |v: &f64| [((v * 1e6).round() as i32).to_le_bytes(), 1_000_000i32.to_le_bytes()];
     values.iter().flat_map(each).flatten().collect()
@@ -91,7 +91,7 @@ fn raspberry_pi_file() -> Vec<u8> {
         ],
     );
     let exif = directory(&mut bytes, vec![(34855, SHORT, 1, shorts(&[100]))]);
-    // XYZ to the camera: what undoes gains, correction and sRGB's primaries together.
+    // XYZ to the camera: the inverse of gains, correction and sRGB's primaries together.
     let of_xyz = nalgebra::Matrix3::from_row_slice(&[
         3.2406, -1.5372, -0.4986, -0.9689, 1.8758, 0.0415, 0.0557, -0.2040, 1.0570,
     ]);

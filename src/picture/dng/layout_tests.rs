@@ -1,5 +1,5 @@
-//! Raw photos in each layout that is read: strips and tiles, bits a site, either order of bytes,
-//! sites in the dark around the picture.
+//! Raw photos in each supported layout: strips and tiles, bits per site, either byte order, dark
+//! sites around the picture.
 
 use super::super::tiff::TILE_OFFSETS;
 use super::tests::{SIZE, sites, with};
@@ -12,11 +12,11 @@ use crate::picture::{Limits, Photo};
 #[derive(Debug, Clone, Copy)]
 struct Laid {
     bits: usize,
-    /// Sites of a strip or tile.
+    /// Size of a strip or tile.
     block: Size,
     in_tiles: bool,
     big_endian: bool,
-    /// Top, left, bottom, right.
+    /// Top, left, bottom and right of the active sites.
     active: Option<[u32; 4]>,
 }
 
@@ -56,7 +56,7 @@ impl Laid {
                 bytes.extend(row.flat_map(|count| self.number(count, 2)));
                 continue;
             }
-            // Bit by bit, the greatest first; a row begins with a byte of its own.
+            // Bit by bit, the most significant first; each row begins with a new byte.
             let bits: Vec<u32> = row
                 .flat_map(|count| (0..self.bits).rev().map(move |bit| count >> bit & 1))
                 .collect();
@@ -161,7 +161,7 @@ fn strips_and_tiles_of_eight_to_sixteen_bits_are_read() {
             }
         }
     }
-    // Two rows and columns in the dark above and on the left, one more below.
+    // Two dark rows above, two dark columns on the left, and one dark row below.
     layouts.push(Laid { active: Some([2, 2, 29, 42]), ..STRIPS });
     layouts.push(Laid { active: Some([3, 1, 30, 40]), bits: 12, ..tiles });
     for layout in layouts {

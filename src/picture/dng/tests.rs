@@ -64,7 +64,7 @@ fn renamed(tag: u16, to: u16) -> Vec<u8> {
     bytes
 }
 
-/// The file without its filters' pattern, of `samples` a pixel with this [`PHOTOMETRIC`].
+/// The file without its filter pattern, with `samples` per pixel and this [`PHOTOMETRIC`].
 fn of_no_filters(photometric: usize, samples: u16) -> Vec<u8> {
     let mut bytes = renamed(CFA_PATTERN, 40000);
     for (tag, value) in [(PHOTOMETRIC, photometric as u16), (SAMPLES_PER_PIXEL, samples)] {
@@ -243,7 +243,7 @@ fn the_sites_are_read_and_never_the_preview() {
     assert_eq!((grey.light.size(), grey.channels), (SIZE, Channels::Green));
     let without = behind_a_preview(&of_no_filters(5, 1));
     assert!(words(&without).contains("no picture of a sensor's sites"), "{}", words(&without));
-    // TIFF/EP states no DNG version, and its sites may still be missing.
+    // A TIFF/EP file states no DNG version. Its sites may be missing all the same.
     let mut lost = behind_a_preview(&file(Mosaic::Rggb));
     let (version, below) = (entry(&lost, DNG_VERSION), entry(&lost, SUB_DIRECTORIES));
     lost[version..version + 2].copy_from_slice(&60000u16.to_le_bytes());
@@ -293,7 +293,7 @@ fn other_varieties_are_refused_by_name() {
         let words = words(&bytes);
         assert!(words.contains(wanted) && words.contains("allowed"), "{wanted}: {words}");
     }
-    // A directory below itself.
+    // A directory that lists itself as its sub-directory.
     assert!(read(&with(ORIENTATION, 3, 1, [1, 0, 0, 0])).is_ok());
     let mut ring = renamed(ORIENTATION, SUB_DIRECTORIES);
     let at = entry(&ring, SUB_DIRECTORIES);
@@ -325,7 +325,7 @@ fn a_sensor_without_filters_gives_a_grey_photo() {
                 pairs.into_iter().all(|(a, b)| (a - b.max(0.0)).abs() < apart)
             };
             assert!(close(&photo.light.plane(Channel::Green).map(|v: f32| v.max(0.0)), 1e-3));
-            // The result has its own curve's profile, and is resampled as any grey photo.
+            // The result has its own curve's profile, and is resampled like any grey photo.
             let back = read(&photo.with_picture(&photo.light, Format::Tiff).unwrap());
             assert_eq!((back.channels, back.manner.colour), (Channels::Green, ColorType::L16));
             assert!(close(back.light.plane(Channel::Green), 0.05), "{curve:?}");

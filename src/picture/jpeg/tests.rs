@@ -33,7 +33,7 @@ fn zeros_in_place_of_data_are_reported_as_a_hole() {
     assert!(matches!(whole(&middle), Err(Flaw::ZeroFilled { .. })));
 }
 
-/// A picture of 512×512: white, and blocks of many grey levels below, in codes made for it.
+/// A white picture of 512×512 with many grey blocks at its lower end, and its own code tables.
 fn mostly_white(progressive: bool) -> Vec<u8> {
     let block = |n: u32| (n / 512 / 8 * 64 + n % 512 / 8).wrapping_mul(2_654_435_761);
     let pixels: Vec<u8> = (0..512 * 512u32)
@@ -52,11 +52,11 @@ fn zeros_that_are_picture_are_no_hole() {
     for progressive in [false, true] {
         let white = mostly_white(progressive);
         let run = longest_zero_run(&white);
-        // Progressive codes have half as many.
+        // In a progressive file the run is half as long.
         let wanted = if progressive { HOLE_BYTES / 2 } else { HOLE_BYTES };
         assert!(run.len() >= wanted, "{run:?}: the picture is coded in zeros");
         assert!(whole(&white).is_ok());
-        // As many zeros in place of the grey blocks.
+        // A run of zeros in place of grey blocks is a hole.
         let mut hole = white.clone();
         hole[run.end + 100..][..600].fill(0);
         assert!(matches!(whole(&hole), Err(Flaw::ZeroFilled { .. })), "{progressive}");
@@ -79,7 +79,7 @@ fn a_file_that_the_decoder_misreads_is_refused() {
         let mut bytes = Vec::new();
         let mut encoder = jpeg_encoder::Encoder::new(&mut bytes, 90);
         encoder.set_sampling_factor(jpeg_encoder::SamplingFactor::F_2_2);
-        // The encoder writes codes made for a picture in one scan for each colour.
+        // With optimised tables, the encoder writes one scan for each colour.
         encoder.set_optimized_huffman_tables(!interleaved);
         encoder.encode(&whole, 75, 50, jpeg_encoder::ColorType::Rgb).unwrap();
         crate::picture::decode::decode(&bytes, &Default::default())
@@ -149,7 +149,7 @@ fn samples(component: &CodedComponent) -> Plane {
     plane
 }
 
-/// `plane` interpolated to `size` as the decoder does: three parts of the nearer sample.
+/// `plane` interpolated to `size` as by the decoder: the nearer sample counts three quarters.
 fn enlarged(plane: &Plane, (across, down): (u8, u8), size: Size) -> Plane {
     let own = Size::new(
         size.width.div_ceil(usize::from(across)),
@@ -188,14 +188,14 @@ fn coefficients_give_the_decoded_picture() {
                 (worst, total) = (worst.max(apart), total + apart);
             }
         }
-        // Half a code each for brightness, the colour, a sample of chroma and interpolation
-        // either way; chroma counts up to 1.772 times.
+        // Half a code each for brightness, the colour, a sample of chroma and interpolation along
+        // either axis; errors of chroma are multiplied by up to 1.772.
         let between = |component: &CodedComponent| {
             f32::from(component.pixels.0 - 1) + f32::from(component.pixels.1 - 1)
         };
         let ways = coding.components.last().map_or(0.0, between);
         assert!(worst < 0.5 + 0.5 + 1.772 * (0.5 + 0.5 * ways), "{name}: {worst}");
-        // Half a code, for many roundings together.
+        // The mean error of many roundings is about half a code.
         let mean = total / (3.0 * 75.0 * 50.0);
         assert!(mean < 0.6, "{name}: {mean} in the mean");
     }
@@ -264,7 +264,7 @@ fn metadata_that_no_result_carries_is_noted() {
 fn most_damaged_codes_are_found() {
     let mut state = 7u64;
     let mut random = || {
-        // As above.
+        // The same generator as above.
         state =
             state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         (state >> 33) as usize
@@ -273,11 +273,11 @@ fn most_damaged_codes_are_found() {
     for _ in 0..50 {
         let mut bytes = ROCKET.to_vec();
         let at = bytes.len() / 3 + random() % (bytes.len() / 2);
-        // Without 0xff: the walk would find markers.
+        // Without 0xff, since the walk would notice new markers.
         bytes[at..at + 512].fill_with(|| (random() % 255) as u8);
         found += usize::from(coefficients(&bytes).is_err());
     }
-    // All but codes that happen to come out even.
+    // By chance, damaged codes may decode to the right number of blocks.
     assert!(found >= 48, "{found} of 50");
     let last_restart = [&ROCKET[..ROCKET.len() - 2], b"\xff\xd3\xff\xd9"].concat();
     assert!(coefficients(&last_restart).is_ok_and(|coding| coding.is_some()));

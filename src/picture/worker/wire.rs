@@ -260,7 +260,7 @@ mod tests {
             other.coding.as_mut().map(spoil);
             assert!(photo_of_answer("a.jpg", &answered(&other), size).is_err(), "{n}");
         }
-        // On another grid the blocks are not the photo's.
+        // On another grid, the photo's blocks no longer apply.
         assert!(photo.fit(Size::new(150, 100)).unwrap().coding.is_none());
     }
 }

@@ -97,8 +97,8 @@ pub fn unexplained_product(channels: &[Residuals]) -> f64 {
 mod tests {
     use super::*;
 
-    /// Luma's residual over the photo's for a right result: it leaves the noise, which is more than
-    /// the photo leaves.
+    /// Luma's residual over the photo's for a correct result, whose residual is the noise and hence
+    /// larger than that of the untouched photo.
     fn residual_over_photo(photo_grain: f32, result_grain: f32, contrast: f32) -> Option<f64> {
         let luma = Residuals {
             model: 2.3,
@@ -115,7 +115,7 @@ mod tests {
             Evidence { channels: vec![luma], grain, cleared, fine_colour }
                 .luma_residual_over_photo()
         };
-        // Where the photo is flat, or where the result is.
+        // Grain is measured where the photo is flat or where the result is flat; both count alike.
         let none = Grain::default();
         assert_eq!(residual(grain, none), residual(none, grain));
         residual(grain, none)

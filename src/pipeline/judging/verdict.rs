@@ -52,7 +52,7 @@ pub(super) fn exceeds(found: Option<f64>, limit: Option<f64>) -> bool {
 mod tests {
     use super::*;
 
-    /// Measures of which all are missing but that of the witness `name`.
+    /// Measures of the witness `name` alone; the others are missing.
     fn only(name: &str, value: f64) -> Measures {
         WITNESSES.iter().map(|witness| (witness.name == name).then_some(value)).collect()
     }

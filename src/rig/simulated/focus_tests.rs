@@ -26,8 +26,8 @@ fn a_scene_out_of_focus_is_blurred_by_the_cone_of_light() {
         let green = plane.plane(Channel::Green).clone();
         moments_of(green.data().iter().map(|&v| f64::from(v)), size.width).1
     });
-    // The cone of light, 18.75 mm wide at the lens, is cut off its tip: a disc, whose second moment
-    // is half its radius squared. The sharp image has the least moment, so moments add.
+    // The sensor cuts the cone of light, 18.75 mm wide at the lens, in a disc whose second moment
+    // is half its radius squared. Moments add, because the sharp image has the least one.
     let [v, sharp_v] = [3200.0, 4000.0].map(image_mm);
     let radius_px = 18.75 / 2.0 * (v - sharp_v) / v / 0.04;
     let grown = after - before;

@@ -182,7 +182,7 @@ mod tests {
         for (x, y) in [(4.0, 4.0), (3.3, 5.1), (4.5, 2.5), (3.99, 4.01)] {
             let found = footprint(&panel, [x, y], 0.58);
             let (low, high) = ((x - 0.58f32).round(), (x + 0.58f32).round());
-            // Piecewise constant pixels: the mean is a mix of the pixels touched.
+            // Pixels are piecewise constant, so the mean lies between the pixels touched.
             assert!(
                 found >= 10.0 * low + (y - 0.58).round()
                     && found <= 10.0 * high + (y + 0.58).round()

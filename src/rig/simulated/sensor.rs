@@ -382,8 +382,8 @@ mod tests {
         let ones = flat(100.0).map(|p| p.map(|_| 1.0));
         let (mean, sigma) =
             mean_and_sigma(&sensor.expose(&flat(100.0), &ones, 7, 0), Channel::Green);
-        // The rig's white leaves room below the largest count, hence a little less than one count
-        // per level.
+        // The rig's white leaves room below the largest count, so a level is a little less than one
+        // count.
         let gain = f64::from(sensor.counts_per_level());
         let noise = (gain * gain + 1.0 / 12.0).sqrt();
         assert!(

@@ -103,7 +103,7 @@ fn a_blob_is_seen_at_its_mapped_place_in_every_channel() {
         ("leakage-share = 0.001", "leakage-share = 0.0"),
     ]);
     for at in [[240usize, 135], [90, 60], [370, 200]] {
-        // A round, soft blob: a single pixel's centroid would depend on how footprints cut it.
+        // A round, soft blob, since a single pixel's centroid depends on how footprints cut it.
         let blob = Plane::from_fn(config.panel.size(), |x, y| {
             let square = (x as f64 - at[0] as f64).powi(2) + (y as f64 - at[1] as f64).powi(2);
             (255.0 * (-square / 50.0).exp()) as u8
@@ -122,8 +122,8 @@ fn a_blob_is_seen_at_its_mapped_place_in_every_channel() {
             let found = [x / sum, y / sum];
             let expected = witness.panel_to_sensor(channel, at.map(|v| v as f64));
             let off = (found[0] - expected[0]).hypot(found[1] - expected[1]);
-            // Spots with edges sharper than a pixel have their centroid displaced by up to 0.02 px
-            // by the binning.
+            // Binning displaces the centroid of spots with edges sharper than a pixel by up to 0.02
+            // px.
             assert!(off < 0.03, "{} {at:?}: {found:?} {expected:?}", channel.name());
             let back = witness.sensor_to_panel(channel, expected);
             assert!((back[0] - at[0] as f64).hypot(back[1] - at[1] as f64) < 1e-3, "{back:?}");
@@ -213,7 +213,7 @@ fn a_photograph_has_its_noise_its_surround_and_its_seed() {
         (mean - 128.0).abs() < 0.03 && (sigma - (1.0f64 + 1.0 / 12.0).sqrt()).abs() < 0.02,
         "{mean} {sigma}"
     );
-    // Black outside: a corner gets about a quarter of its light.
+    // The surround is black, so a corner gets about a quarter of its light.
     assert!(plane.at(0, 0) < 80, "{}", plane.at(0, 0));
     assert_eq!(photo, witness.photograph(&scene, 3));
     assert_ne!(photo, witness.photograph(&scene, 4));
@@ -221,7 +221,7 @@ fn a_photograph_has_its_noise_its_surround_and_its_seed() {
     let (config, _, witness) = opened("small.toml");
     let scene: Frame<Work> = Frame::filled(config.photo.size(), 128.0);
     let photo = witness.photograph(&scene, 3);
-    // With a continued scene, no darker than the dark corner; the sRGB code of linear 128 is 188.
+    // The scene continues, so only the dark corner darkens; the sRGB code of linear 128 is 188.
     assert!(
         photo.plane(Channel::Green).at(0, 0) > 175 && photo.plane(Channel::Green).at(128, 96) > 184
     );

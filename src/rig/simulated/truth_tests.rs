@@ -214,7 +214,7 @@ fn an_uneven_panel_loses_light_and_blue_towards_its_corners() {
         config::Uneven { corner_loss: 0.15, corner_tint: 0.02, ..config::Uneven::default() };
     let (config, mut even, witness) = quiet_with(&[PURE, NO_GLARE]);
     let (_, mut rig, _) = quiet_simulated_with(&[PURE, NO_GLARE], |s| s.display.uneven = uneven);
-    // A flat field, and a picture that is almost one, so that it takes the general path.
+    // A flat field, and a picture that differs in one pixel and so takes the general path.
     let mut pictures = [grey(&config, 255), grey(&config, 255)];
     pictures[1].planes_mut().iter_mut().for_each(|plane| plane.set(0, 0, 254));
     for codes in &pictures {
@@ -321,7 +321,7 @@ fn striped_subpixels_move_red_and_blue_by_a_third_of_a_panel_pixel() {
 
 #[test]
 fn stripes_beat_with_the_sensor_s_pixels_as_far_as_the_lens_passes_them() {
-    // f/4 passes a twentieth of such a grating, f/16 most of it.
+    // At f/4 the lens passes a twentieth of such a grating, at f/16 most of it.
     for (stop, least, most) in [("18.75", 0.004, 0.03), ("4.7", 0.1, 0.3)] {
         let stop = format!("stop-diameter-mm = {stop}");
         let lens = [NO_GLARE, ("stop-diameter-mm = 18.75", &stop)];

@@ -1,4 +1,4 @@
-//! What a worker answers that a file has taken over: it is a photo of the size asked for, or
+//! The answer of a worker that a file has taken over is a photo of the requested size, or is
 //! refused.
 
 #![no_main]
@@ -12,6 +12,6 @@ const ASKED: Size = Size::new(16, 12);
 fuzz_target!(|bytes: &[u8]| {
     let Ok(photo) = worker::photo_of_answer("photo", bytes, ASKED) else { return };
     assert_eq!(photo.light.size(), ASKED);
-    // A photo that was believed is one that the rest can do its work with.
+    // The rest of the program can work with an accepted photo.
     let _ = encode("photo", &photo.light, &photo.manner, photo.channels == Channels::Green);
 });

@@ -1,5 +1,5 @@
-//! A slot of the calibration: as it is, and with a length and a checksum that are right, so that
-//! its payload is looked at. A calibration that is believed can be put to work.
+//! A calibration slot, as it is and with its length and checksum corrected, so that its payload is
+//! parsed. An accepted calibration can be used.
 
 #![no_main]
 
@@ -25,7 +25,7 @@ const LAYOUT: Layout = Layout {
     saturated: 1023,
 };
 
-/// Where the slots are.
+/// Folder of the slots.
 static FOLDER: LazyLock<tempfile::TempDir> =
     LazyLock::new(|| tempfile::tempdir().expect("a folder"));
 

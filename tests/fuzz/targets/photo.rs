@@ -12,7 +12,7 @@ const RIG: Size = Size::new(64, 48);
 const LIMITS: Limits =
     Limits { bytes_max: 1 << 20, pixels_max: 1 << 16, decoder_bytes_max: 16 << 20, grid: None };
 
-/// Ignores panics of decoders, which the program catches; its own are bugs.
+/// Ignores panics of decoders, which the program catches; panics of its own code are bugs.
 fn ignore_decoder_panics() {
     let hook = std::panic::take_hook();
     std::panic::set_hook(Box::new(move |about| {

@@ -1,6 +1,6 @@
-//! The daemon's own records with arbitrary content: the ledger of a photo in progress, the night,
-//! a report, a note on a failure, the state. No photo may be lost or doubled, and no
-//! foreign result or file outside the folders touched.
+//! The daemon's own records with arbitrary content: the ledger of a photo in progress, the night, a
+//! report, a note on a failure, the state. No photo may be lost or duplicated, and no foreign
+//! result and no file outside the folders may be touched.
 
 #![no_main]
 
@@ -58,7 +58,7 @@ fn photo(light: f32) -> Vec<u8> {
     encode("photo", &scene, &Manner::plain(Format::Png, 8, Curve::Srgb), false).expect("a photo")
 }
 
-/// Files below `folder` that hold `bytes`.
+/// Number of files below `folder` whose content is `bytes`.
 fn copies(folder: &Path, bytes: &[u8]) -> usize {
     let entries = fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path());
     let count = |path: std::path::PathBuf| match path.is_dir() {
@@ -84,7 +84,7 @@ fn hash(name: &str) -> u64 {
         .fold(0xcbf2_9ce4_8422_2325, |h, b| (h ^ u64::from(b)).wrapping_mul(0x100_0000_01b3))
 }
 
-/// A box that was stopped with one photo in progress and one done.
+/// Fills `root` like a box that was stopped with one photo in progress and one done.
 fn stopped(root: &Path, under_way: &[u8], done: &[u8], written: &[u8]) {
     for folder in ["inbox", "working", "outbox/gallery", "done", "failed"] {
         fs::create_dir_all(root.join(folder)).expect("a folder");

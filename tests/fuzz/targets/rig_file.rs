@@ -1,4 +1,4 @@
-//! A rig file: refused with a message, or a consistent rig.
+//! A rig file is refused with a message, or gives a consistent rig.
 
 #![no_main]
 

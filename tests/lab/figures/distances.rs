@@ -1,4 +1,4 @@
-//! Figure 9: a photo taken at one distance, restored on a rig whose panel stands at another.
+//! Figure 9: a photo taken at one distance, restored on a rig whose panel is at another.
 
 use super::mosaic::{detail, functions_map, mosaic};
 use super::stage::{Course, Stage, Taken, printed};
@@ -15,8 +15,8 @@ use relens::pipeline::hybrid;
 
 /// The paper's two distances: name and millimetres.
 const DISTANCES: [(&str, f64); 2] = [("4 m", 4000.0), ("40 cm", 400.0)];
-/// Loss of gain on a rig at the other distance that still is "reasonable and promising", a share;
-/// guess.
+/// Share of the gain that may be lost on a rig at the other distance if the result is still
+/// "reasonable and promising"; guess.
 const LOST_SHARE_MAX: f64 = 0.25;
 /// Relative difference up to which functions are "very similar"; guess.
 const SIMILAR: f64 = 0.2;
@@ -99,7 +99,7 @@ pub(super) fn measure(rig: &RigFile) -> Result<Figure, Failure> {
     })
 }
 
-/// Cells of the photo's scores, the result's, and the captures.
+/// Table cells: the photo's scores, the result's scores, and the number of captures.
 fn scores(course: &Course, taken: &Taken) -> [String; 5] {
     let ((ssim, db), (blurred, blurred_db)) = (course.end(&taken.truth), taken.floor());
     [
@@ -137,7 +137,7 @@ fn findings(cells: &[Cell], [centre, corner, mean]: [f64; 3]) -> Vec<Finding> {
         let of = |c: &&Cell| c.paper == paper;
         let matched = cells.iter().filter(of).filter(|c| c.photo == c.rig);
         let other = cells.iter().filter(of).filter(|c| c.photo != c.rig);
-        // Scene by scene, photo by photo, both run in the same order of photos.
+        // Both are in the same order of scenes and photos.
         matched.zip(other).map(|(m, o)| 1.0 - o.gain / m.gain).fold(f64::NEG_INFINITY, f64::max)
     };
     let gains = cells.iter().filter(|c| c.paper && c.photo != c.rig).all(|c| c.gain > 0.0);

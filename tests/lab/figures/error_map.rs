@@ -20,8 +20,7 @@ const BRIGHTER: f32 = 20.0;
 /// Mean error in the corners up to which accuracy is "very high", grey levels; guess: invisible.
 const SMALL_LEVELS: f64 = 1.0;
 
-/// Mean and 99th percentile of the error, grey levels, in the centre, between, and in the corners,
-/// and at the frame.
+/// Mean and 99th percentile of the error in each of the [`ZONES`], grey levels.
 struct Zones {
     mean: [f64; 4],
     high: [f64; 4],
@@ -119,7 +118,7 @@ pub(super) fn measure(rig: &RigFile) -> Result<Figure, Failure> {
     })
 }
 
-/// For patches of [`PATCH_PX`]; `accuracy` is that of the true lens as computed.
+/// Findings for patches of [`PATCH_PX`]; `accuracy` is the error of the true lens as computed.
 fn findings(zones: &Zones, accuracy: f64) -> Vec<Finding> {
     let [centre, _, corners, frame] = zones.mean;
     let levels = |value: f64| format!("{value:.2} grey levels");

@@ -11,7 +11,7 @@ use relens::chart::table::Table;
 use relens::config::RigFile;
 
 const SHOWN: [u32; 5] = [1, 2, 3, 5, 11];
-/// "Within a few iterations": this share of the whole gain within five.
+/// Iterations, and share of the whole gain after them, for "within a few iterations".
 const FEW: (usize, f64) = (5, 0.8);
 
 /// The figure, with the rig's noise and without.

@@ -1,6 +1,6 @@
 //! Figure 12: three lenses.
 //!
-//! The paper's three are real lenses without description; here they are three singlets of 75 mm, as
+//! The paper does not describe its three real lenses; here they are three singlets of 75 mm, as
 //! different as possible.
 
 use super::mosaic::{detail, functions_map, mosaic};
@@ -15,7 +15,8 @@ use relens::deconvolution::lens_model::LensModel;
 use relens::frame::Channel;
 use relens::pipeline::hybrid;
 
-/// Room above white: where the blur changes quickly over the field, light gathers on some pixels.
+/// Share of the sensor's range that white fills. The rest is headroom: where the blur changes
+/// quickly over the field, light gathers on some pixels.
 const WHITE_SHARE: f64 = 0.9;
 
 /// A lens: its name, the radii of its two surfaces, and its stop.
@@ -25,8 +26,8 @@ struct Singlet {
     stop_diameter_mm: f64,
 }
 
-/// Radii by the lens maker's formula for a thin lens of 75 mm and N-BK7's index of 1.5168 at 587.6
-/// nm.
+/// The lenses, with radii by the lens maker's formula for a thin lens of 75 mm and N-BK7's index of
+/// 1.5168 at 587.6 nm.
 const LENSES: [Singlet; 3] = [
     Singlet {
         name: "biconvex, f/4",

@@ -10,7 +10,7 @@
 //! | 11 | the first iterations | [`iterations`] |
 //! | 12 | three lenses | [`lenses`] |
 //!
-//! Figures 1 to 6 show the paper's apparatus and calibration, nothing to measure.
+//! Figures 1 to 6 show the paper's apparatus and calibration, and give nothing to measure.
 
 mod distances;
 mod error_map;
@@ -31,7 +31,7 @@ use relens::frame::Plane;
 use crate::Failure;
 use crate::made::{Made, write};
 
-/// A statement about a figure and its measurement.
+/// A measured value, and the paper's statement about it if there is one.
 struct Finding {
     /// The paper's statement, or a dash.
     paper: &'static str,
@@ -39,18 +39,18 @@ struct Finding {
     what: String,
     /// Value found.
     found: String,
-    /// Limit of the paper's statement, and whether it holds.
+    /// Limit within which the paper's statement holds, and whether it does.
     held: Option<(String, bool)>,
 }
 
 impl Finding {
-    /// A statement of the paper.
+    /// The measurement of a statement of the paper.
     fn of(paper: &'static str, what: &str, found: String, allowed: &str, holds: bool) -> Finding {
         let held = Some((allowed.to_owned(), holds));
         Finding { paper, what: what.to_owned(), found, held }
     }
 
-    /// A value beside the paper's statements.
+    /// A measured value about which the paper states nothing.
     fn beside(what: impl Into<String>, found: String) -> Finding {
         Finding { paper: "–", what: what.into(), found, held: None }
     }
@@ -67,22 +67,22 @@ struct Picture {
 
 /// A figure.
 struct Figure {
-    /// Its number in the paper.
+    /// Number of the figure in the paper.
     number: u32,
-    /// Stem of its files' names.
+    /// Stem of the names of the figure's files.
     stem: &'static str,
     /// Title.
     title: &'static str,
     findings: Vec<Finding>,
-    /// Suffixes of the stem, and drawings.
+    /// Drawings, each with its suffix of the stem.
     drawings: Vec<(&'static str, Drawing)>,
     pictures: Vec<Picture>,
-    /// Numbers.
+    /// Measured numbers.
     table: Table,
 }
 
 impl Figure {
-    /// Agreement with the paper's statements in words.
+    /// Number of the paper's statements that hold, in words.
     fn agreement(&self) -> String {
         let held = || self.findings.iter().filter_map(|finding| finding.held.as_ref());
         format!("{} of {}", held().filter(|(_, holds)| *holds).count(), held().count())
@@ -128,7 +128,7 @@ const ALL: [Measure; 6] = [
     lenses::measure,
 ];
 
-/// Measures all figures, writing each into `folder` at once.
+/// Measures all figures, and writes each into `folder` as soon as it is measured.
 pub(crate) fn run(rig: &RigFile, folder: &Path) -> Result<Made, Failure> {
     let mut figures = Vec::new();
     for measure in ALL {
@@ -186,7 +186,7 @@ mod tests {
     #[test]
     fn the_error_of_flip_fc_flip_is_small_in_the_centre() {
         let figure = error_map::measure(&rig()).unwrap();
-        // The first "mean" is the centre's: 40, 80, 160 and 1024 px.
+        // The first column "mean" is the centre's; its rows are patches of 40, 80, 160 and 1024 px.
         let centre: Vec<f64> = (0..4).map(|row| cell(&figure.table, row, "mean")).collect();
         assert!(centre[1] > 0.0 && centre[1] < 2.0, "{centre:?}");
         assert_eq!(figure.pictures.len(), 2);

@@ -5,7 +5,7 @@ use relens::frame::Channel;
 use relens::frame::resample::resize;
 use relens::frame::{Plane, Rect, Size};
 
-/// White between two tiles, pixels.
+/// Width of the white gap between two tiles, pixels.
 const GAP_PX: usize = 6;
 
 /// Tiles of one size in rows of `columns`, white between them.
@@ -27,8 +27,8 @@ pub(super) fn mosaic(tiles: &[Plane], columns: usize) -> Plane {
     whole
 }
 
-/// Part of `plane` about (`across`, `down`), shares of its sides, with a share `part` of each side,
-/// enlarged `times` by repeating pixels.
+/// Part of `plane` about (`across`, `down`), enlarged `times` by repeating pixels. The place and
+/// the extent `part` are shares of the sides of `plane`.
 pub(super) fn detail(plane: &Plane, (across, down): (f64, f64), part: f64, times: usize) -> Plane {
     let size = plane.size();
     let cut = |length: usize| ((length as f64 * part) as usize).clamp(1, length);
@@ -51,8 +51,8 @@ pub(super) fn halved(plane: &Plane) -> Plane {
     resize(plane, Size::new(plane.width() / 2, plane.height() / 2))
 }
 
-/// Some green functions of `lens` over its field, each scaled to its maximum, square roots to show
-/// faint skirts.
+/// Some green functions of `lens` over its field, each scaled to its maximum; their square roots,
+/// to show faint skirts.
 pub(super) fn functions_map(lens: &LensModel, columns: usize, rows: usize) -> Plane {
     let functions = lens.functions();
     let side = Size::new(functions.support_px, functions.support_px);

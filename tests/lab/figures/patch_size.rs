@@ -12,15 +12,15 @@ use relens::chart::table::Table;
 use relens::config::RigFile;
 use relens::deconvolution::method::paper::Paper;
 
-/// Patch sizes for a photo 1024 wide; the paper tries 60 and 80 and some it does not print.
+/// Patch sizes for a photo 1024 wide; the paper tries 60, 80 and others that it does not print.
 const PATCHES_PX: [usize; 6] = [40, 60, 80, 120, 160, 240];
-/// Iterations run; the paper stops at 11.
+/// Number of iterations; the paper stops at 11.
 const ITERATIONS: u32 = 20;
-/// The paper's iterations.
+/// Number of iterations in the paper.
 const PRINTED: usize = 11;
-/// Invisible difference of SSIM, for "very small" and "almost the same". Guess.
+/// Difference of SSIM that is "very small" or "almost the same": invisible. Guess.
 const SMALL_SSIM: f64 = 0.005;
-/// Gain after the paper's 11 iterations that counts as none, for "optimal performance at around 10
+/// Largest gain in SSIM after the paper's 11 iterations for "optimal performance at around 10
 /// iterations".
 const FLAT_SSIM: f64 = 0.005;
 

@@ -1,8 +1,8 @@
 //! Figure 10: the best λ for each noise variance, with two readings of where noise enters.
 //!
-//! The paper adds "Gaussian white noise after each simulated display-imaging operation". Literally
-//! that is every capture, backward convolution included. The other reading has noise on the photo
-//! and the forward captures, and computes the backward convolution.
+//! The paper adds "Gaussian white noise after each simulated display-imaging operation". Literally,
+//! that is every capture, including those of the backward convolution. In the other reading, the
+//! photo and the forward captures have noise, and the backward convolution is computed.
 
 use super::mosaic::{detail, mosaic};
 use super::stage::{Exact, Stage, printed};
@@ -22,10 +22,10 @@ const LAMBDAS: [f32; 7] = [1.0, 3.0, 8.0, 18.0, 30.0, 45.0, 70.0];
 const VARIANCES: [f64; 4] = [3.0, 8.0, 18.0, 40.0];
 /// The paper's example: variance and λ.
 const PRINTED: (f64, f32) = (18.0, 18.0);
-/// "Near the noise variance": within this factor either way.
+/// Factor, either way, within which λ is "near the noise variance".
 const NEAR: f64 = 2.5;
 
-/// Captures with noise.
+/// Reading of the paper on which captures have noise.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Reading {
     EveryCapture,
@@ -61,7 +61,7 @@ impl Row {
 
 /// The figure, on the rig at half its size because of its many runs.
 pub(super) fn measure(rig: &RigFile) -> Result<Figure, Failure> {
-    // Calibrated without noise, which is in the loop only.
+    // The rig is calibrated without noise; only photos and captures have it.
     let mut stage = Stage::open(NO_NOISE.filed(&sized(rig, 0.5), 0.0))?;
     let as_printed = printed(stage.harness.config());
     let lens = stage.truth.clone();

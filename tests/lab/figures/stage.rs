@@ -1,4 +1,4 @@
-//! Rig of the figures: calibrated, simulated, with its true lens.
+//! The calibrated, simulated rig of the figures, with its true lens.
 
 use relens::chart::scenes::Scene;
 use relens::chart::test_rig::{PHOTO_SEED, TestPhoto};
@@ -18,10 +18,10 @@ use relens::rig::simulated::{Light, Witness};
 use crate::Failure;
 use crate::harness::Harness;
 
-/// Width that sizes in the paper refer to.
+/// Photo width to which the paper's sizes in pixels refer.
 const PAPER_WIDTH_PX: usize = 1024;
-/// Functions of the true lens along the longer and the shorter side, at most: 192 are within 0.4
-/// to 0.7 grey levels of the light (study); 768 take many times as long.
+/// Number of the true lens's functions along the longer and the shorter side: 192 in all are within
+/// 0.4 to 0.7 grey levels of the light (study); 768 take many times as long.
 const TRUE_FUNCTIONS: (usize, usize) = (16, 12);
 
 /// A rig and its true lens.
@@ -76,7 +76,7 @@ impl Course {
 }
 
 impl Stage {
-    /// The rig of `rig`, calibrated from its own captures.
+    /// Opens the rig of `rig`, calibrates it from its own captures, and computes its true lens.
     pub(super) fn open(rig: RigFile) -> Result<Stage, Failure> {
         let (harness, _) = Harness::open(rig)?;
         let truth = true_lens(harness.config(), &harness.witness)?;
@@ -90,7 +90,7 @@ impl Stage {
         Ok(Taken { truth: self.harness.truth(&light).plane(Channel::Green).clone(), photo })
     }
 
-    /// Solves a photo with `method`; scores every step, keeps the pictures of `wanted` iterations.
+    /// Solves a photo with `method`, scores every step and keeps pictures of `wanted` iterations.
     pub(super) fn solve(
         &mut self,
         taken: &Taken,
@@ -143,7 +143,7 @@ impl Stage {
         Ok((exact.crop(rect), light.plane(Channel::Green).crop(rect)))
     }
 
-    /// RMS between the true lens as computed and the light on `x`, grey levels.
+    /// RMS difference between the true lens as computed and the light, for scene `x`, grey levels.
     pub(super) fn truth_error(&self, x: &Plane) -> f64 {
         let margin = self.harness.config().canvas.margin_px;
         let (canvas, rect) = data_term::canvas_of(x.size(), margin);
@@ -157,12 +157,12 @@ impl Stage {
     }
 }
 
-/// Clipped to the range of a screen.
+/// `plane` clipped to the range of a screen.
 pub(super) fn shown(plane: &Plane) -> Plane {
     plane.map(|v: f32| v.clamp(0.0, 255.0))
 }
 
-/// `px` of the paper's 1024 on a photo as wide as that of `rig`.
+/// `px` pixels of the paper's photo, 1024 wide, scaled to the width of the photos of `rig`.
 pub(super) fn scaled(rig: &RigFile, px: usize) -> usize {
     (px * rig.photo.width_px / PAPER_WIDTH_PX).max(1)
 }
@@ -178,8 +178,8 @@ pub(super) fn with_patches(rig: &RigFile, patch_px: usize) -> Paper {
     Paper { backward: Backward::Light(shape), ..printed(rig) }
 }
 
-/// The paper's loop with the "accurate numerical calculation" of §4.1 backward, the adjoint of the
-/// true lens, and light forward.
+/// The paper's loop with light forward and, backward, the "accurate numerical calculation" of §4.1,
+/// the adjoint of the true lens.
 pub(super) struct Exact<'a> {
     pub(super) paper: Paper,
     pub(super) lens: &'a LensModel,

@@ -1,5 +1,5 @@
-//! The table of witnesses walked over stored results: as it is, without each row, and with each
-//! limit moved.
+//! Ablation of the table of witnesses. It is applied to stored results as it is, without each row,
+//! and with each limit moved.
 
 use relens::chart::table::Table;
 use relens::pipeline::{FOREIGN, NO_GAIN, Verdict, WITNESSES, WitnessRow, harm, is_suspect};
@@ -7,16 +7,16 @@ use relens::pipeline::{FOREIGN, NO_GAIN, Verdict, WITNESSES, WitnessRow, harm, i
 use super::record::Record;
 use crate::likeness::Likeness;
 
-/// Neighbours of a limit, as factors.
+/// Factors by which a limit is moved.
 const NEIGHBOURS: [f64; 2] = [0.8, 1.25];
 
 /// Limits by which results are judged.
 #[derive(Clone)]
 struct Limits {
     witnesses: Vec<WitnessRow>,
-    /// Above this of what the reference solution leaves unexplained no scene gives the photo.
+    /// Unexplained product of the reference solution above which no scene gives the photo.
     foreign_above: f64,
-    /// Above this of luma nothing is gained.
+    /// Luma's residual over the untouched photo's above which nothing is gained.
     no_gain_above: f64,
 }
 
@@ -40,7 +40,7 @@ pub(crate) fn table(caption: String, records: &[Record]) -> Table {
     table
 }
 
-/// Results on which the walk of the whole table gives another verdict than the pipeline gave.
+/// Number of results for which the table as it is gives another verdict than the pipeline.
 pub(crate) fn differing(records: &[Record]) -> usize {
     let differs = |record: &&Record| walk(record, &as_it_is()).0 != record.verdict;
     records.iter().filter(differs).count()
@@ -50,7 +50,7 @@ fn as_it_is() -> Limits {
     Limits { witnesses: WITNESSES.to_vec(), foreign_above: FOREIGN, no_gain_above: NO_GAIN }
 }
 
-/// The table, the table without each witness, and with each limit at its neighbours.
+/// Variants of the table, with their names: as it is, without each witness, each limit moved.
 fn variants() -> Vec<(String, Limits)> {
     let mut all = vec![("as it is".to_owned(), as_it_is())];
     for (n, witness) in WITNESSES.iter().enumerate() {
@@ -92,7 +92,7 @@ fn variants() -> Vec<(String, Limits)> {
     all
 }
 
-/// The verdict on `record`, and what is delivered.
+/// The verdict on `record` under `limits`, and the likeness of the delivered picture.
 fn walk(record: &Record, limits: &Limits) -> (Verdict, Likeness) {
     let judged = &record.judged;
     let Limits { witnesses, foreign_above, no_gain_above } = limits;
@@ -116,7 +116,7 @@ fn walk(record: &Record, limits: &Limits) -> (Verdict, Likeness) {
     (Verdict::Replaced, if by_digital { judged.digital } else { judged.reference })
 }
 
-/// The cells of one variant.
+/// The table cells of one variant.
 fn counts(records: &[Record], limits: &Limits) -> [String; 6] {
     let walked: Vec<(&Record, bool, Likeness)> = records
         .iter()

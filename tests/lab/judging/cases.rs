@@ -29,16 +29,16 @@ const fn jpeg(quality: u32, pixels: usize) -> Kept {
     Kept::Jpeg(Quality { quality, pixels: (pixels, pixels) })
 }
 
-/// Ordinary photos.
+/// Forms in which ordinary photos are kept.
 pub(crate) const ORDINARY: [Kept; 5] =
     [Kept::Own, Kept::Developed, jpeg(95, 1), jpeg(85, 2), jpeg(60, 2)];
 
-/// Faults of the sweep that are no faults here: patches of other methods, JPEGs, which are
-/// ordinary, and a distance to which the lens is focused.
+/// Faults of the sweep that do not apply here: patch sizes concern other methods, JPEGs are
+/// ordinary photos, and at another photo's distance the lens is refocused.
 const ELSEWHERE: [&str; 4] =
     ["patch below the blur", "patch up to the frame", "photo's JPEG", "photo's distance"];
 
-/// A scene nearer or farther than the panel, on which the lens stays focused.
+/// A scene nearer or farther than the panel, while the lens stays focused on the panel.
 static SCENE_ELSEWHERE: Swept = Swept {
     change: Change {
         name: "scene's distance",

@@ -1,5 +1,5 @@
-//! All that a verdict follows from: with it the table is walked again, whole or without a row, and
-//! no photo is solved anew.
+//! Everything that a verdict depends on, so that the table can be applied again, whole or without a
+//! row, and no photo has to be solved again.
 
 use relens::deconvolution::method::digital::Digital;
 use relens::deconvolution::method::total_variation::TotalVariation;
@@ -11,22 +11,22 @@ use crate::Failure;
 /// Measures of a result, and of what would replace it.
 #[derive(Debug, Clone)]
 pub(crate) struct Findings {
-    /// Measures before the reference solution is solved.
+    /// Measures of the result before the reference solution is solved.
     pub(crate) alone: Measures,
-    /// Measures beside the reference solution.
+    /// Measures of the result compared with the reference solution.
     pub(crate) beside: Measures,
-    /// The same of what `digital` makes of the photo.
+    /// Measures of the solution of `digital` compared with the reference solution.
     pub(crate) digital: Measures,
-    /// What the reference solution leaves unexplained.
+    /// [Unexplained product](unexplained_product) of the reference solution.
     pub(crate) foreign: f64,
-    /// Luma's residual of the reference solution over the untouched photo's.
+    /// Residual in luma of the reference solution over that of the untouched photo.
     pub(crate) reference_gain: Option<f64>,
-    /// The reference solution and what `digital` makes of the photo.
+    /// The reference solution and the solution of `digital`.
     pub(crate) pictures: [Frame<Work>; 2],
 }
 
 impl Findings {
-    /// The findings on what `pipeline` has `solved` for `photo`, suspect or not.
+    /// The findings on `solved`, which `pipeline` solved for `photo`, whether it is suspect or not.
     pub(crate) fn of(
         pipeline: &Pipeline,
         photo: &Prepared<'_>,

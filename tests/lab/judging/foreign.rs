@@ -1,7 +1,7 @@
-//! Photos that no lens of the rig took: how many are changed, and how many of those are certified.
+//! Photos not taken by the rig's lens: how many are changed, and how many of those are certified.
 //!
-//! Sharp pictures reduced or enlarged to the rig's size, or blurred by other lenses, drawn screens
-//! and scans; beside them photos of the same scenes through the rig's lens, kept alike.
+//! Sharp pictures reduced or enlarged to the rig's size or blurred by other lenses, drawn screens,
+//! and scans. For comparison, photos of the same scenes through the rig's lens are included.
 
 use std::path::Path;
 
@@ -27,7 +27,7 @@ use crate::view::View;
 /// A picture in colour, code values 0..1.
 type Picture = ImageBuffer<Rgb<f32>, Vec<f32>>;
 
-/// What made a photo as soft as it is.
+/// Cause of a photo's softness.
 #[derive(Debug, Clone, Copy)]
 enum Blur {
     /// The rig's own lens.
@@ -40,11 +40,11 @@ enum Blur {
     Gaussian(f32),
     /// A disc of this radius, pixels, as out of focus.
     Disc(f32),
-    /// A movement along a line of this length, pixels, at a slope.
+    /// A movement along a line of this length, pixels, and this slope.
     Motion(f32, f32),
     /// A screen drawn with this seed, shown pixel by pixel.
     Screen(u64),
-    /// The same, scanned: softened and grainy.
+    /// A screen drawn with this seed and scanned: softened and grainy.
     Scan(u64),
 }
 
@@ -66,7 +66,7 @@ const BLURS: [(Blur, &str); 14] = [
     (Blur::Motion(5.0, 0.4), "motion"),
 ];
 
-/// How photos are kept: as a PNG, or as a JPEG. The last is not for photos of other lenses.
+/// File formats of photos: PNG (`None`) or JPEG. The last is used for the rig's own lens only.
 const KEPT: [Option<Quality>; 4] = [
     None,
     Some(Quality { quality: 95, pixels: (1, 1) }),
@@ -74,18 +74,18 @@ const KEPT: [Option<Quality>; 4] = [
     Some(Quality { quality: 60, pixels: (2, 2) }),
 ];
 
-/// The name of photos through the rig's lens.
+/// Name in tables of photos through the rig's lens.
 const OWN: &str = "own lens";
 
-/// Screens and scans of a group.
+/// Number of screens and scans of a group.
 const DRAWN: usize = 20;
 
-/// A photo to be made: its view, unless it is drawn, what blurs it, and that in words.
+/// A photo to be made: its view (`None` for a drawn one), its blur, and the name of the blur.
 type Case = (Option<View>, Blur, &'static str);
 
-/// Rates on the photos of `group`, on the rig of the file `rig` or the group's first: of each of
-/// its scenes, whole and in quarters, every other blur with one way to keep it; `quick` takes every
-/// fifth.
+/// Rates of changed photos of `group`, on the rig of the file `rig` or on the group's first rig.
+/// Every other blur is applied to each scene, whole and in quarters. Photos of other lenses are
+/// kept in one format each; `quick` takes every fifth case.
 pub(crate) fn run(group: Group, rig: Option<&Path>, quick: bool) -> Result<Made, Failure> {
     let seed = group.seed() + 900;
     let rig = match rig {
@@ -149,7 +149,7 @@ fn cases(group: Group) -> Vec<Case> {
     cases
 }
 
-/// Counts of `all` outcomes by what blurred the photo.
+/// Counts of `all` outcomes, by blur.
 fn table(group: Group, rig: &str, all: &[(&'static str, Outcome)]) -> Table {
     let caption = format!(
         "Photos that the lens of {} did not take, scenes of the group `{}`: how many are changed. \
@@ -184,7 +184,7 @@ fn table(group: Group, rig: &str, all: &[(&'static str, Outcome)]) -> Table {
     table
 }
 
-/// What the box makes of the photo of `codes`, `kept` as a PNG or as a JPEG.
+/// Restores the photo of `codes`, `kept` as a PNG or as a JPEG; also returns its sensor match.
 fn restored(
     harness: &mut Harness,
     codes: &Frame<Work, u8>,
@@ -208,13 +208,13 @@ fn restored(
     Ok((prepared.sensor, harness.restore(&prepared, &*solver)?.outcome))
 }
 
-/// The photo of a view, or a drawn one, as codes.
+/// Codes of the blurred photo of `view`, or of a drawn screen if there is no view.
 fn blurred(harness: &Harness, view: Option<View>, blur: Blur, seed: u64) -> Frame<Work, u8> {
     let size = harness.config().photo.size();
     let (w, h) = (size.width as u32, size.height as u32);
     let double = Size::new(2 * size.width, 2 * size.height);
     let Some(view) = view else { return to_codes(&drawn(blur, size)) };
-    // Quarters are cut from pictures of twice the size, and have no more pixels than the rig.
+    // A quarter is cut from a picture of twice the size, so that it has `size` pixels, too.
     let sharp = |size: Size| picture(&view.codes(size));
     let made = match blur {
         Blur::Own => {
@@ -246,7 +246,7 @@ fn blurred(harness: &Harness, view: Option<View>, blur: Blur, seed: u64) -> Fram
     to_codes(&made)
 }
 
-/// `picture` spread by the weights of `near`, at offsets in pixels.
+/// `picture` blurred by the kernel `near`, a function of the offset in pixels.
 fn spread(picture: &Picture, near: impl Fn(f32, f32) -> f32) -> Picture {
     let reach = -4i64..=4;
     let taps: Vec<(i64, i64, f32)> = reach

@@ -1,5 +1,5 @@
-//! The two groups of scenes and rigs: limits of judging are set on one, rates are stated on the
-//! other. They share no scene, rig, lens or seed.
+//! The two groups of scenes and rigs: limits of judging are set on one, and rates are stated for
+//! the other. They share no scene, rig, lens or seed.
 
 use relens::chart::scenes::Scene;
 use relens::config::{Glass, RigFile};
@@ -12,9 +12,9 @@ use crate::view::Subject;
 /// One of the groups.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 pub(crate) enum Group {
-    /// On which limits are set
+    /// Scenes and rigs on which limits are set
     Limits,
-    /// On which rates are stated
+    /// Scenes and rigs for which rates are stated
     Rates,
 }
 
@@ -70,7 +70,7 @@ const RATES: [GroupRig; 3] = [
     },
 ];
 
-/// A lens of 75 mm: radii by the thin lens maker's formula for its glass, and its stop.
+/// A singlet of 75 mm, with radii by the lens maker's formula for a thin lens of its glass.
 struct Singlet {
     radii_mm: [f64; 2],
     glass: Glass,
@@ -86,7 +86,7 @@ const SILICA: Singlet =
 const FLINT: Singlet =
     Singlet { radii_mm: [62.0, -155.0], glass: Glass::F2, stop_diameter_mm: 15.0 };
 
-/// Replaces the lens behind the rim of the barrel.
+/// Replaces the lens and its stop; the rim of the barrel before it stays.
 fn singlet(rig: &mut RigFile, of: Singlet) {
     lens(rig, |lens| {
         let [.., front, back] = lens.surfaces.as_mut_slice() else { return };
@@ -103,7 +103,7 @@ struct Sizes {
     margin_px: usize,
 }
 
-/// Makes pixels `times` as fine about the middle of the field.
+/// Makes pixels `times` as fine, so that the photo covers only the middle of the field.
 fn finer(rig: &mut RigFile, times: f64, Sizes { model_px, lens_px, margin_px }: Sizes) {
     lens(rig, |lens| {
         lens.pixel_pitch_um /= times;
@@ -135,7 +135,7 @@ impl Group {
         }
     }
 
-    /// The first seed of its rigs and photos.
+    /// The first seed of the group's rigs and photos.
     pub(crate) const fn seed(self) -> u64 {
         match self {
             Group::Limits => 3100,

@@ -29,11 +29,11 @@ use cases::{Kept, NONE, ORDINARY, faults};
 use groups::{Group, GroupRig};
 use record::Record;
 
-/// Methods that start from the lens model; what would replace their results is recorded, too.
+/// Methods judged: those that start from the lens model. Possible replacements are recorded, too.
 const METHODS: [MethodName; 3] =
     [MethodName::Hybrid, MethodName::Digital, MethodName::BlockMatching];
 
-/// Tables of `group`, and the list of all its results; `quick` takes its first rig, and no faults.
+/// Tables of `group` and the list of all its results; `quick` takes the first rig and no faults.
 pub(crate) fn run(group: Group, quick: bool) -> Result<Made, Failure> {
     let mut records = Vec::new();
     let rigs = if quick { 1 } else { group.rigs().len() };
@@ -46,7 +46,7 @@ pub(crate) fn run(group: Group, quick: bool) -> Result<Made, Failure> {
     Ok(Made { files, ..tables(group, &records) })
 }
 
-/// Tables of `group` from the list of its results, without solving.
+/// Tables of `group` from `rows`, the stored list of its results, without solving.
 pub(crate) fn walked_again(group: Group, rows: &str) -> Result<Made, Failure> {
     let records = rows.lines().skip(1).map(|line| {
         Record::parse(line).ok_or_else(|| format!("found the row {line:?} of another table").into())
@@ -96,7 +96,7 @@ impl Fault {
     }
 }
 
-/// Results of all cases on the rig `n` of `group`.
+/// Results of all cases on `rig`, the `n`-th of `group`.
 fn run_rig(group: Group, n: usize, rig: &GroupRig, quick: bool) -> Result<Vec<Record>, Failure> {
     let (file, calibration) = calibrated(&rig.load(group.seed() + 100 * n as u64)?, &NOTHING, 0.0)?;
     let subjects = group.subjects();
@@ -123,12 +123,12 @@ fn run_rig(group: Group, n: usize, rig: &GroupRig, quick: bool) -> Result<Vec<Re
     if quick {
         return Ok(records);
     }
-    // One strength of each fault on a rig, so that three rigs have three.
+    // A rig takes one strength of each fault, so that the three rigs cover three strengths.
     for (f, swept) in faults().into_iter().enumerate() {
         let step = 4 - (f + n) % 3;
         let k = f + step + n;
         let view = if (f + n).is_multiple_of(2) { whole(k) } else { quarter(k + 6 * step) };
-        // Block matching is the slowest.
+        // Block matching is the slowest method, and takes a third of the faults.
         let methods = match (f + n) % 3 {
             0 => &[MethodName::Hybrid, MethodName::BlockMatching][..],
             1 => &[MethodName::Hybrid, MethodName::Digital],
@@ -139,7 +139,7 @@ fn run_rig(group: Group, n: usize, rig: &GroupRig, quick: bool) -> Result<Vec<Re
     Ok(records)
 }
 
-/// Results of each of `methods` on photos of the views `of`, taken with seeds from `seed` on.
+/// Results of each of `methods` on photos of the views `of`; `seed` and the view give the noise.
 fn restore(
     harness: &mut Harness,
     fault: &Fault,
@@ -183,7 +183,7 @@ fn restore(
     Ok(records)
 }
 
-/// A photo of `light` as the box gets it, with noise of `seed`.
+/// A photo of `light` in the form `kept`, with noise from `seed`.
 fn taken(h: &Harness, light: &Frame<Work>, kept: Kept, seed: u64) -> Result<TestPhoto, Failure> {
     let curve = h.config().photo.curve;
     let codes = || h.witness.photograph(light, seed);

@@ -1,5 +1,5 @@
-//! One result: its likeness to the scene, the findings on it, and what is delivered; a line of the
-//! list of all results.
+//! One result, a line of the stored list: its likeness to the scene, the findings on it, and what
+//! is delivered.
 
 use relens::deconvolution::method::Method;
 use relens::pipeline::{Measures, Prepared, Verdict, WITNESSES};
@@ -9,7 +9,7 @@ use crate::Failure;
 use crate::harness::Harness;
 use crate::likeness::{Likeness, Truth};
 
-/// One method on one photo.
+/// Result of one method on one photo.
 #[derive(Debug, Clone)]
 pub(crate) struct Record {
     /// Rig, fault, strength, how the photo is kept, view, method.
@@ -23,20 +23,20 @@ pub(crate) struct Record {
     pub(crate) judged: Judged,
 }
 
-/// What the verdict on a result follows from.
+/// Quantities that determine the verdict on a result.
 #[derive(Debug, Clone)]
 pub(crate) struct Judged {
     /// Whether the photo was returned before any method saw it.
     pub(crate) before_solving: bool,
     /// Whether captures went into the result.
     pub(crate) by_captures: bool,
-    /// What the reference solution leaves unexplained.
+    /// Unexplained product of the reference solution.
     pub(crate) foreign: f64,
     pub(crate) reference_gain: Option<f64>,
     pub(crate) reference: Likeness,
     pub(crate) digital: Likeness,
-    /// Measures of the result alone, of the result beside the reference solution, and of `digital`
-    /// beside it.
+    /// Measures of the result alone, of the result compared with the reference solution, and of the
+    /// solution of `digital` compared with it.
     pub(crate) measures: [Measures; 3],
 }
 
@@ -79,7 +79,7 @@ impl Record {
         self.result.harms(self.photo)
     }
 
-    /// Whether a healthy result that does no harm is not delivered.
+    /// Whether this is a false alarm: a harmless result without a fault that is not delivered.
     pub(crate) fn is_alarm(&self) -> bool {
         self.healthy && !self.harms() && self.verdict.noticed()
     }
@@ -101,7 +101,7 @@ impl Record {
         head
     }
 
-    /// A line of the list of all results.
+    /// The record as a line of comma-separated cells.
     pub(crate) fn cells(&self) -> String {
         let judged = &self.judged;
         let word = |value: Option<f64>| value.map_or(String::new(), |value| value.to_string());
@@ -118,7 +118,7 @@ impl Record {
         cells.join(",")
     }
 
-    /// The record of a line of [`Record::cells`]; `None` for a line of another table.
+    /// Parses a line of [`Record::cells`]; `None` for a line of another table.
     pub(crate) fn parse(line: &str) -> Option<Record> {
         let cells: Vec<&str> = line.split(',').collect();
         if cells.len() != Record::head().split(',').count() {

@@ -28,7 +28,7 @@ fn kinds(records: &[Record], place: usize) -> Vec<(String, Vec<&Record>)> {
     kinds
 }
 
-/// Noticed harm and false alarms, by rig, by method and of all.
+/// Rates of noticed harm and of false alarms, by rig, by method and for all results.
 pub(crate) fn rates(caption: String, records: &[Record]) -> Table {
     let head = [
         "of",
@@ -66,7 +66,7 @@ pub(crate) fn rates(caption: String, records: &[Record]) -> Table {
     table
 }
 
-/// Photos without a fault by the default method, grouped by how they are kept.
+/// Results of the default method on photos without a fault, by the form in which they are kept.
 pub(crate) fn ordinary(caption: String, records: &[Record]) -> Table {
     let head = [
         "kept",

@@ -13,14 +13,14 @@ use super::network::{Cells, Network, REACH};
 
 /// Cells of a tile along each side.
 const TILE: usize = 64;
-/// Cells around a tile's: the network's reach, and one for the local means.
+/// Margin of cells around a tile: the network's reach, and one for the local means.
 const MARGIN: usize = REACH + 1;
 
 /// Haar coefficients a, h, v, d of a cell, in each opponent colour.
 type Coefficients = [[f32; 4]; 3];
 
-/// The first pixel of the cells, 0 or 1 before the picture's corner along x and y. Cells that move
-/// from round to round leave no grid.
+/// Pixels, 0 or 1, by which the first cell begins before the picture's corner along x and y. Cells
+/// that move from round to round leave no grid.
 pub(super) type Shift = [usize; 2];
 
 /// Denoises `picture` (R, G, B, linear light) of noise `sigma` in each channel; both in grey
@@ -53,7 +53,7 @@ pub(super) fn denoise(network: &Network, picture: &mut [Plane; 3], sigma: [f32; 
     from_opponent(picture);
 }
 
-/// Noise of opponent colours for that of R, G, B.
+/// Noise of the opponent colours for noise `sigma` of R, G, B.
 fn opponent_noise(sigma: [f32; 3]) -> [f32; 3] {
     let [r, g, b] = sigma.map(|sigma| sigma * sigma);
     [(r + g + b) / 3.0, (r + b) / 2.0, (r + 4.0 * g + b) / 6.0].map(f32::sqrt)
@@ -160,7 +160,7 @@ mod tests {
         for (plane, golden) in picture.iter().zip(&golden) {
             let pairs = plane.data().iter().zip(golden.data());
             let off = pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
-            // The sums' orders differ.
+            // The two programs add in different orders.
             assert!(off < 2e-3, "{off}");
         }
     }

@@ -1,8 +1,9 @@
-//! A learned prior beside shrinkage and block matching: a method of the laboratory, as it does not
-//! earn its place in the box (`tests/tables/tried.md`).
+//! A learned prior, compared with shrinkage and block matching. It is a method of the laboratory
+//! only, because it restores worse than block matching (`tests/tables/tried.md`).
 //!
-//! Half-quadratic splitting as in block matching: turns of a data step by the lens's local inverse
-//! and a pass of the network. A JPEG's data are its decoded pixels here, not its coefficients.
+//! Half-quadratic splitting, as in block matching: a data step by the lens's local inverse
+//! alternates with a pass of the network. A JPEG's data are its decoded pixels, not its
+//! coefficients.
 
 mod denoiser;
 mod network;
@@ -20,7 +21,7 @@ use relens::frame::{Channel, FULL_SCALE};
 use denoiser::denoise;
 use network::Network;
 
-/// Weights by `prior/train.py`.
+/// Weights of the network, trained by `prior/train.py`.
 const WEIGHTS: &[u8] = include_bytes!("../prior/weights.bin");
 
 /// The method's properties.
@@ -36,19 +37,19 @@ pub(crate) struct Learned {
 /// The rounds' parameters.
 #[derive(Clone, Copy)]
 pub(crate) struct Rounds {
-    /// Steps with the lens model before them.
+    /// Steps with the lens model before the rounds.
     pub(crate) steps: u32,
-    /// Their number, at least 1.
+    /// Number of rounds, at least 1.
     pub(crate) count: u32,
-    /// Standard deviation τ of the data step's prior in the first and the last round, in noise σ of
-    /// the photo.
+    /// Standard deviation τ of the data step's prior in the first and the last round, in units of
+    /// the photo's noise σ.
     pub(crate) over_noise: [f32; 2],
-    /// Noise that the network assumes, in τ.
+    /// Noise that the network assumes, in units of τ.
     pub(crate) assumed: f32,
 }
 
 impl Learned {
-    /// The method with the weights of the tree.
+    /// The method with the stored weights.
     pub(crate) fn new(rounds: Rounds) -> Learned {
         let network = Network::parse(WEIGHTS).expect("the file has all weights");
         let digital = Digital { steps: rounds.steps, ..Digital::default() };

@@ -4,17 +4,17 @@
 use half::f16;
 use relens::frame::instructions::{Kernel, multiply_add, run_fastest};
 
-/// Numbers of a cell between layers.
+/// Number of values in a cell between layers.
 const WIDTH: usize = 32;
-/// Vectors of eight numbers in a cell.
+/// Number of vectors of eight values in a cell.
 const VECTORS: usize = WIDTH / 8;
-/// Features of a cell, the input of the first layer.
+/// Number of features of a cell, which are the input of the first layer.
 const FEATURES: usize = 18;
-/// Outputs of a cell: gates and additions of its twelve coefficients.
+/// Number of outputs of a cell: gates and additions of its twelve coefficients.
 const OUTPUTS: usize = 24;
-/// Residual pairs between the first and the last layer.
+/// Number of residual pairs of layers, between the first and the last layer.
 const PAIRS: usize = 3;
-/// Cells on every side of one that its outputs depend on: one a layer.
+/// Number of cells on every side of a cell on which its outputs depend: one per layer.
 pub(super) const REACH: usize = 2 + 2 * PAIRS;
 /// Cells of a row computed in one pass over the weights, in eight registers of AVX2; three take
 /// twice as long.
@@ -58,7 +58,7 @@ pub(super) struct Network {
 impl Network {
     /// The network of `bytes`: a text header that ends with a line `---`, then each layer's weights
     /// as \[output]\[input]\[3]\[3] and its bias, 16-bit floating-point numbers, little-endian.
-    /// `None` where their number is another.
+    /// `None` if there are too few or too many numbers.
     pub(super) fn parse(bytes: &[u8]) -> Option<Network> {
         let header = bytes.windows(HEADER_END.len()).position(|end| end == HEADER_END)?;
         let (numbers, rest) = bytes[header + HEADER_END.len()..].as_chunks::<2>();
@@ -81,7 +81,7 @@ impl Network {
         (numbers.next().is_none() && rest.is_empty()).then_some(Network { layers })
     }
 
-    /// The outputs for `features`, [`REACH`] cells fewer on every side.
+    /// The outputs for `features`, with [`REACH`] fewer cells on every side.
     pub(super) fn run(&self, features: &Cells) -> Cells {
         let [first, inner @ .., last] = self.layers.as_slice() else {
             unreachable!("a parsed network has all layers")

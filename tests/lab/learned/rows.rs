@@ -1,4 +1,4 @@
-//! The learned prior beside the box's priors, without captures, on nine photographs.
+//! The learned prior beside the program's, without captures, on nine photographs and a chart.
 
 use relens::config::RigFile;
 use relens::deconvolution::method::blocks::Blocks;
@@ -9,8 +9,8 @@ use crate::Failure;
 use crate::made::Made;
 use crate::pace::{Named, measured};
 
-/// The best of one and of three rounds on astronaut and coffee, and the eight of the study that the
-/// network comes from.
+/// The best settings of one and of three rounds on astronaut and coffee, and the eight rounds of
+/// the study that the network comes from.
 const SETTINGS: [(&str, Rounds); 3] = [
     ("one round", Rounds { steps: 16, count: 1, over_noise: [20.0, 20.0], assumed: 0.15 }),
     ("three rounds", Rounds { steps: 16, count: 3, over_noise: [20.0, 6.0], assumed: 0.2 }),

@@ -90,7 +90,7 @@ def new_weights(width, seed):
     weights = []
     for layer in range(LAYERS):
         scale = np.sqrt(2 / (9 * channels[layer]))
-        if layer in (2, 4, 6, 7):  # ends of residual pairs, and the last: nearly nothing at first
+        if layer in (2, 4, 6, 7):  # ends of residual pairs and the last layer start near zero
             scale *= 0.2
         kernel = random.normal(0, scale, (3, 3, channels[layer], channels[layer + 1]))
         weights.append(tf.Variable(kernel.astype(np.float32)))

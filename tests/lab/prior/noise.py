@@ -56,7 +56,7 @@ def channel_levels(random, total):
     ratios = np.ones(3)
     if random.random() < 0.5:
         ratios = np.exp(random.normal(0, 0.25, 3))
-    if random.random() < 0.2:  # red and blue noisier, as sensors have them
+    if random.random() < 0.2:  # red and blue noisier, as in sensors
         ratios *= np.array([random.uniform(1, 2.5), 1, random.uniform(1, 2.5)])
     return (total * ratios / np.sqrt((ratios**2).mean())).astype(np.float32)
 

@@ -8,7 +8,7 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 SIDE = 512  # pixels of a finished page
-OVER = 3  # drawn larger by this, then averaged in linear light
+OVER = 3  # factor by which pages are drawn larger, then averaged in linear light
 FAMILIES = ("dejavu", "liberation")
 
 

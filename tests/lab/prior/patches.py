@@ -10,8 +10,8 @@ import numpy as np
 import pages
 
 HERE = pathlib.Path(__file__).parent
-INNER = 48  # pixels of a patch that the loss sees
-MARGIN = 2 * net.REACH  # pixels that the convolutions take
+INNER = 48  # pixels of a patch that enter the loss
+MARGIN = 2 * net.REACH  # pixels that the convolutions take off each side
 OUTER = 16  # pixels more for a lens's spread at the patch's border
 PAGES = 160
 GREY, DRAWN = 0.25, 0.15  # shares of patches

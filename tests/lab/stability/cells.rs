@@ -12,26 +12,26 @@ use crate::likeness::Likeness;
 pub(super) struct Cell {
     pub(super) swept: &'static Swept,
     pub(super) strength: f64,
-    /// Index of the strength, 0 without the fault.
+    /// Index of the strength; 0 is without the fault.
     pub(super) step: usize,
     pub(super) method: &'static str,
     /// Number of views.
     pub(super) runs: usize,
-    /// Mean of the untouched photos.
+    /// Mean likeness of the untouched photos.
     pub(super) photo: Likeness,
-    /// Mean of the results.
+    /// Mean likeness of the results.
     pub(super) result: Likeness,
-    /// Mean of what is delivered.
+    /// Mean likeness of the delivered pictures.
     pub(super) delivered: Likeness,
-    /// Results that harm.
+    /// Number of harmful results.
     pub(super) harmful: Harmful,
-    /// Harmful results that were noticed.
+    /// Number of harmful results that were noticed.
     pub(super) caught: Harmful,
-    /// Results that were not delivered, harmful or not.
+    /// Number of results that were not delivered, harmful or not.
     pub(super) noticed: usize,
 }
 
-/// Results that are worse than their photos.
+/// Numbers of results that are worse than their photos.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Harmful {
     pub(super) in_luma: usize,
@@ -91,7 +91,7 @@ impl Cell {
         })
     }
 
-    /// Whether the method harms, on the mean of the views.
+    /// Whether the method harms in the mean over the views.
     pub(super) fn harms(&self, sense: Sense) -> bool {
         sense.harms(self.result, self.photo)
     }

@@ -13,7 +13,7 @@ use crate::Failure;
 use crate::change::Swept;
 use crate::likeness::Likeness;
 
-/// Results on disk.
+/// Stored results of a sweep, and the file to which more are appended.
 #[derive(Debug, Default)]
 pub(crate) struct Kept {
     file: Option<File>,
@@ -22,7 +22,7 @@ pub(crate) struct Kept {
 
 const HEAD: &str = "fault,strength,step,method,view,seed,photo SSIM,photo ΔE,SSIM,ΔE,\
     delivered SSIM,delivered ΔE,verdict";
-/// Stands for a method where calibration was refused.
+/// Word in the column of methods if calibration was refused.
 const REFUSED: &str = "refused";
 
 const VERDICTS: [(Verdict, &str); 3] =
@@ -46,7 +46,7 @@ pub(crate) fn parsed(text: &str) -> Found {
 }
 
 impl Kept {
-    /// The results in the file at `path`, to which more are appended.
+    /// Opens the file at `path` and reads its results; more are appended to it.
     pub(crate) fn open(path: &Path) -> Result<Kept, Failure> {
         let cannot = |e| format!("cannot open {}: {e}", path.display());
         let text = std::fs::read_to_string(path).unwrap_or_default();
@@ -59,7 +59,7 @@ impl Kept {
         Ok(Kept { file: Some(file), found: parsed(&text) })
     }
 
-    /// Stored results of `plan` under a strength of `swept`.
+    /// Stored results of `plan` under `swept` at the strength with the index `step`.
     pub(crate) fn of(&self, plan: &Plan<'_>, swept: &'static Swept, step: usize) -> Vec<Run> {
         let is = |run: &&Run| {
             (run.step, run.seed) == (step, plan.seed)
@@ -70,7 +70,7 @@ impl Kept {
         self.found.runs.iter().filter(is).cloned().collect()
     }
 
-    /// Whether calibration was refused there.
+    /// Whether calibration was refused under `swept` at `strength`.
     pub(super) fn refuses(&self, swept: &'static Swept, strength: f64) -> bool {
         self.found.refused.iter().any(|(other, at)| same(other, swept) && *at == strength)
     }
@@ -80,7 +80,7 @@ impl Kept {
         self.write(&runs.iter().map(|run| format!("{}\n", line(run))).collect::<String>())
     }
 
-    /// Appends that calibration was refused there.
+    /// Appends that calibration was refused under `swept` at `strength`.
     pub(super) fn keep_refused(&mut self, swept: &Swept, strength: f64) -> Result<(), Failure> {
         self.found.refused.extend(self::swept(swept.change.name).zip(Some(strength)));
         self.write(&format!("{},{strength},,{REFUSED}\n", swept.change.name))

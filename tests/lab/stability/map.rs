@@ -9,15 +9,15 @@ use super::cells::{Cell, Sense, methods_of, swept_of};
 const ORIGIN: [f64; 2] = [200.0, 214.0];
 /// Width and height of the box of one strength.
 const BOX: [f64; 2] = [12.0, 20.0];
-/// Height of the strip below it, for colour.
+/// Height of the strip for colour, below the box of one strength.
 const STRIP: f64 = 8.0;
 /// Distances from one method, and from one fault, to the next.
 const PITCH: [f64; 2] = [74.0, 36.0];
 /// Size of all letters except the title: a page shows the map about 830 wide.
 const LETTERS: f64 = 14.0;
-/// Gain or loss of SSIM with the full colour.
+/// Gain or loss of SSIM from which a box has its full colour.
 const FULL: f64 = 0.1;
-/// Gain or loss of ΔE with the full colour.
+/// Gain or loss of ΔE from which a strip has its full colour.
 const FULL_IN_COLOUR: f64 = 1.0;
 
 const BLACK: Colour = Colour(0, 0, 0);
@@ -33,7 +33,7 @@ pub(super) fn draw(cells: &[Cell], title: &str) -> Drawing {
     legend(&mut sheet);
     for (column, method) in methods.iter().enumerate() {
         let x = ORIGIN[0] + PITCH[0] * column as f64;
-        // One line a word, the last just above the column: a name is wider than a column.
+        // A name is wider than its column: each word has a line, the last just above the column.
         let words: Vec<&str> = method.split('-').collect();
         for (line, word) in words.iter().rev().enumerate() {
             let y = ORIGIN[1] - 8.0 - 16.0 * line as f64;
@@ -106,10 +106,10 @@ fn place(sheet: &mut Drawing, cell: &Cell, at: [f64; 2]) {
     }
     let middle = middle(at, BOX[1]);
     if delivers(Sense::Luma) {
-        // Harm that reaches the customer.
+        // Harm that is delivered.
         cross(sheet, middle, 4.0);
     } else if cell.noticed > 0 {
-        // Full when every result was noticed, a ring when some were.
+        // Filled black if every result was noticed, white if only some were.
         sheet.disc(middle, 3.5, if cell.noticed == cell.runs { BLACK } else { WHITE }, "");
         sheet.ring(middle, 3.5, Stroke::new(BLACK, 1.0));
     }

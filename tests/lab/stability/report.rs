@@ -23,8 +23,8 @@ impl Run {
     }
 }
 
-/// Faults by methods: the strength at which harm begins, and how many of the harmful results there
-/// were noticed.
+/// Table of faults by methods: the strength at which harm begins, and how many of the harmful
+/// results at that strength were noticed.
 pub(super) fn harm_table(caption: String, cells: &[Cell], found: &Found, sense: Sense) -> Table {
     let methods = methods_of(cells);
     let mut head = vec!["fault"];
@@ -57,7 +57,7 @@ pub(super) fn harm_table(caption: String, cells: &[Cell], found: &Found, sense: 
     table
 }
 
-/// Rates of wrong judging, by method and of all.
+/// Table of the rates of wrong verdicts, by method and for all methods.
 pub(crate) fn rates_table(caption: String, runs: &[Run]) -> Table {
     let head = [
         "method",

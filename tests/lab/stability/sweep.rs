@@ -1,4 +1,4 @@
-//! Runs methods under faults on a simulated rig calibrated without them.
+//! Runs methods under faults on a simulated rig; only faults of the rig file precede calibration.
 
 use relens::calibration::Calibration;
 use relens::chart::test_rig::TestPhoto;
@@ -32,9 +32,9 @@ pub(crate) const METHODS: [&str; 7] = [
 pub(crate) struct Run {
     /// The fault.
     pub(crate) swept: &'static Swept,
-    /// Its strength.
+    /// Strength of the fault.
     pub(crate) strength: f64,
-    /// Index of the strength, 0 without the fault.
+    /// Index of the strength; 0 is without the fault.
     pub(crate) step: usize,
     /// The method.
     pub(crate) method: &'static str,
@@ -42,13 +42,13 @@ pub(crate) struct Run {
     pub(crate) view: View,
     /// Seed of the rig and of the photos.
     pub(crate) seed: u64,
-    /// The untouched photo.
+    /// Likeness of the untouched photo.
     pub(crate) photo: Likeness,
-    /// The method's result.
+    /// Likeness of the method's result.
     pub(crate) result: Likeness,
     /// The verdict on the result.
     pub(crate) verdict: Verdict,
-    /// The delivered picture.
+    /// Likeness of the delivered picture.
     pub(crate) delivered: Likeness,
 }
 
@@ -72,11 +72,11 @@ pub(crate) struct Plan<'a> {
 pub(crate) struct Found {
     /// The results.
     pub(crate) runs: Vec<Run>,
-    /// Changes and strengths with which no calibration was taken.
+    /// Changes and strengths at which calibration was refused.
     pub(crate) refused: Vec<(&'static Swept, f64)>,
 }
 
-/// Runs `plan` on the simulated rig of `rig`; what `kept` has is not run again.
+/// Runs `plan` on the simulated rig of `rig`; results in `kept` are not run again.
 pub(crate) fn sweep(rig: &RigFile, plan: &Plan<'_>, kept: &mut Kept) -> Result<Found, Failure> {
     let mut healthy = rig.clone();
     simulation(&mut healthy, |simulation| simulation.seed = plan.seed);
@@ -84,7 +84,7 @@ pub(crate) fn sweep(rig: &RigFile, plan: &Plan<'_>, kept: &mut Kept) -> Result<F
     let mut found = Found::default();
     for (n, &swept) in plan.swept.iter().enumerate() {
         for (step, strength) in (swept.strengths)(&healthy).into_iter().enumerate() {
-            // No change is no change: run once.
+            // The first strength of every fault is no change, so it is run once.
             if (step == 0 && n > 0) || !plan.steps.contains(&step) {
                 continue;
             }
@@ -126,13 +126,13 @@ pub(crate) fn sweep(rig: &RigFile, plan: &Plan<'_>, kept: &mut Kept) -> Result<F
     Ok(found)
 }
 
-/// The methods of `plan` on its views on the changed rig of `harness`.
+/// Runs the methods of `plan` on its views, with the changed rig of `harness`.
 fn under(
     mut harness: Harness,
     plan: &Plan<'_>,
     (swept, strength, step): (&'static Swept, f64, usize),
 ) -> Result<Vec<Run>, Failure> {
-    // The photos were taken before anything happened to the rig.
+    // Photos are taken before the captures are changed.
     let photos = plan.views.iter().map(|&view| photograph(&harness, view, plan.seed));
     let photos: Vec<(TestPhoto, Truth)> = photos.collect::<Result<_, _>>()?;
     harness.change_captures();
@@ -176,7 +176,7 @@ impl Run {
     }
 }
 
-/// Whether it is the same change.
+/// Whether `one` and `other` are the same change.
 pub(crate) fn same(one: &Swept, other: &Swept) -> bool {
     one.change.name == other.change.name
 }
@@ -189,7 +189,7 @@ fn named(rig: &RigFile, name: &str) -> Box<dyn Method + Send + Sync> {
     }
 }
 
-/// Whether a change can change anything for a method.
+/// Whether the change `swept` can affect the results of `method`.
 pub(crate) fn concerned(method: &dyn Method, swept: &Swept) -> bool {
     match swept.change.to {
         To::Captures(_) | To::EachJob(_) => method.captures_max() > 0,

@@ -16,7 +16,7 @@ use relens::remedy::{AnyFailure, Remediable, Remedy};
 
 use super::{Lived, Scripted, TestClock, in_folder, live, night, nights, photos};
 
-/// Cancelled at the button.
+/// Failure of a calibration that was cancelled at the button.
 #[derive(Debug, thiserror::Error)]
 #[error("cancelled")]
 struct Asked;
@@ -62,7 +62,7 @@ fn after_cancelling_a_calibration_the_box_waits_for_the_button() {
     let root = tempfile::tempdir().unwrap();
     photos(root.path(), 5);
     let (clock, log) = (TestClock::default(), RefCell::default());
-    // Warm-up, then drift after three photos, still present at the press.
+    // Pilots: a warm-up without drift, then drift after three photos, still present at the press.
     let pilots = RefCell::new(vec![0.0, 0.0, 0.0, 4.0, 4.0]);
     let noon = UNIX_EPOCH + Duration::from_secs(1_768_042_800);
     let calendar = || noon + Duration::from_secs_f64(35_400.0 + clock.0.get());

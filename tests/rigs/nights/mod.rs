@@ -23,7 +23,7 @@ use relens::restorer::on_rig::{self, OnRig};
 use relens::rig::simulated::{self, Witness};
 use relens::rig::{Clock, Moment};
 
-/// A clock that advances when waited for.
+/// A simulated clock: waiting advances it at once.
 #[derive(Default)]
 struct TestClock(Cell<f64>);
 
@@ -74,7 +74,7 @@ fn the_pilot_measures_changes_of_the_rig() {
     assert!((knocked.shift_px - 0.5).abs() < 0.05);
     witness.knock_panel(-0.4, 0.3);
 
-    // Small.toml has 0.78.
+    // The white share in small.toml is 0.78.
     witness.change_sensor(|sensor| sensor.white_share = 0.78 * 0.95);
     let darker = pilot();
     println!("darker by 5 %: {darker:?}");
@@ -119,12 +119,12 @@ fn a_cancelled_calibration_keeps_the_previous_one() {
     assert_eq!(generation(), before + 1);
 }
 
-/// A restorer that brightens, with scripted pilots.
+/// A restorer that brightens photos and reports scripted drifts.
 struct Scripted<'a> {
     pilots: &'a RefCell<Vec<f64>>,
     log: &'a RefCell<Vec<String>>,
     clock: &'a TestClock,
-    /// Duration of a photo.
+    /// Time to restore a photo, seconds.
     photo_s: f64,
 }
 
@@ -188,9 +188,9 @@ fn photos(root: &Path, count: usize) {
 struct Night<'a> {
     root: &'a Path,
     nights: Nights,
-    /// Coming pilots; afterwards no drift.
+    /// Drift in gain that each pilot finds, percent, in order; 0 after the last.
     pilots: Vec<f64>,
-    /// 2026-01-10 at this many seconds after noon in Vienna.
+    /// Start, in seconds after noon of 2026-01-10 in Vienna.
     begins_s: f64,
     /// Duration, seconds.
     lasts_s: f64,
@@ -198,7 +198,7 @@ struct Night<'a> {
     photo_s: f64,
 }
 
-/// A simulated night.
+/// Record of a simulated night.
 struct Lived {
     /// Photos, pilots and calibrations.
     log: Vec<String>,
@@ -320,7 +320,7 @@ fn a_rig_that_may_not_recalibrate_calls_the_operator() {
 fn after_a_reboot_the_first_pilot_decides_on_earlier_photos() {
     let root = tempfile::tempdir().unwrap();
     photos(root.path(), 2);
-    // The power fails before the pilot after the last photo.
+    // The power fails after the last photo, before its pilot.
     let begun = night(root.path());
     let Lived { log, .. } = live(Night { begins_s: 36_000.0, lasts_s: 100.0, ..begun });
     assert_eq!(log.len(), 5, "{log:?}");

@@ -15,7 +15,7 @@ AWAY=/tmp/panel-away
 PLUG=/tmp/usb-camera
 
 open_window() {
-  # An earlier scenario's is as good.
+  # The window of an earlier scenario is used again.
   WINDOW=$(cat /tmp/window.pid 2>/dev/null) && kill -0 "$WINDOW" 2>/dev/null && return
   window "${TRUTH:-/rigs/truth.toml}" /dev/dri/card0 /dev/video0 "$LINES_BASE" "$PORT" $SHUTTER $AWAY $PLUG ${FREE_RUN:-} > /tmp/window.log 2>&1 &
   WINDOW=$!; echo $WINDOW > /tmp/window.pid
@@ -35,7 +35,7 @@ within() { # SECONDS WHAT-FAILED COMMAND...
 appears() { within "$2" "$1 did not come" test -s "$1"; echo "$(date +%T) $1 is there"; }
 is_lit() { [ "$(lamp "$1")" = 1 ]; }
 lit() { within "$2" "lamp $1 stays dark" is_lit "$1"; }
-# The box with a calibration, unless an earlier scenario made one.
+# Makes a box with a calibration, unless an earlier scenario made it.
 calibrated() {
   BOX=/tmp/box; mkdir -p $BOX/inbox
   [ -d $BOX/calibration ] || relens calibrate --rig $RIG --folder $BOX 2>&1 || fail "calibrate"

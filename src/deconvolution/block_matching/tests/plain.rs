@@ -52,7 +52,7 @@ pub(super) fn filter(
     })
 }
 
-/// The reference, then the most similar blocks; of equal ones the first in raster order.
+/// The reference block, then the most similar blocks; equally similar ones in raster order.
 fn members(like: &Plane, search: Search, x: usize, y: usize) -> Vec<(usize, usize)> {
     let mut found = Vec::new();
     for v in 0..=like.height() - SIDE {

@@ -14,8 +14,8 @@ fn about(power: &Plane, x: usize, y: usize) -> f32 {
     sum
 }
 
-/// With y = Σ αud / Σ αu², r = d − y·u and t = weight / Σ αu²: y shrinks by t over the root of its
-/// mean power, r by κ·t over the root of its own; d = y·u + r.
+/// Details y·u + r after shrinkage, where y = Σ αud / Σ αu², r = d − y·u and t = weight / Σ αu²: y
+/// shrinks by t over the root of its mean power, and r by κ·t over the root of its own.
 pub(super) fn shrunk(
     d: &[Plane; 3],
     u: &[Plane; 3],

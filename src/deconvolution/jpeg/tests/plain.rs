@@ -120,7 +120,7 @@ pub(super) fn redecoded(stated: &Stated<'_>, about: &[Plane], seen: &Frame<Work>
     decoded
 }
 
-/// The mean of a normal variable of deviation `s` within `half` of `offset`, by summing.
+/// Mean of a normal variable of deviation `s` within `half` of `offset`, by a sum.
 fn expected(offset: f64, half: f64, s: f64) -> f64 {
     let count = 400;
     let at = |n: usize| offset - half + 2.0 * half * (n as f64 + 0.5) / f64::from(count);

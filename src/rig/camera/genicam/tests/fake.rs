@@ -12,7 +12,7 @@ use aravis_sys as sys;
 
 use crate::rig::monotonic::Monotonic;
 
-/// The port of GigE Vision is taken by one camera at a time.
+/// Lock on the port of GigE Vision, which only one camera at a time can use.
 static PORT: Mutex<()> = Mutex::new(());
 
 /// Registers of the library's fake (arvfakecamera.h).
@@ -21,14 +21,14 @@ pub(crate) const PIXEL_FORMAT: u32 = 0x128;
 pub(crate) const GAIN_AUTO: u32 = 0x114;
 pub(crate) const EXPOSURE_US: u32 = 0x120;
 
-/// Registers of the features that are added to it.
+/// Registers of the features added to the library's fake.
 pub(crate) const EXPOSURE_AUTO: u32 = 0x3000;
 pub(crate) const GAMMA_ENABLE: u32 = 0x3004;
 pub(crate) const GAIN: u32 = 0x3008;
 const LATCH: u32 = 0x3010;
 const LATCHED: u32 = 0x3018;
 
-/// Pixel formats added, with their numbers (PFNC 2.4).
+/// Additional pixel formats, with their numbers (PFNC 2.4).
 const FORMATS: [(&str, u32); 6] = [
     ("Mono10p", 0x010A_0046),
     ("Mono12Packed", 0x010C_0006),
@@ -104,7 +104,7 @@ impl FakeCamera {
         Self::plug_into(PORT.lock().unwrap_or_else(PoisonError::into_inner), changes)
     }
 
-    /// Unplugs the camera; no other test gets its port.
+    /// Unplugs the camera. While the guard is held, no other test gets the port.
     pub(crate) fn unplug(self) -> MutexGuard<'static, ()> {
         let FakeCamera { gv, line, _description, alone } = self;
         drop((gv, line));
@@ -132,7 +132,7 @@ impl FakeCamera {
             Arc::new(NextFrame { bytes: Mutex::default(), began_s: Monotonic::seconds() - 3.0 });
         let line = Box::new(Line { camera: camera.clone(), next });
         let data = std::ptr::from_ref::<Line>(&line).cast_mut().cast();
-        // SAFETY: `line` is boxed, and outlives the camera: `drop` takes the callback back.
+        // SAFETY: `line` is boxed and outlives the camera, whose `drop` removes the callback.
         unsafe { sys::arv_fake_camera_set_fill_pattern(camera.to_glib_none().0, Some(fill), data) };
         for automatic in [EXPOSURE_AUTO, GAMMA_ENABLE] {
             camera.write_register(automatic, 1);
@@ -177,7 +177,7 @@ impl std::ops::Deref for FakeCamera {
 
 /// Enables the library's fake camera in this process.
 pub(crate) fn enable_interface() {
-    // SAFETY: a terminated text.
+    // SAFETY: the text ends with a zero byte.
     unsafe { sys::arv_enable_interface(c"Fake".as_ptr()) };
 }
 
@@ -193,7 +193,7 @@ impl Drop for StopsTicking<'_> {
 impl Drop for Device {
     fn drop(&mut self) {
         let Some(camera) = self.0.fake_camera() else { return };
-        // SAFETY: no callback means the library's own pattern.
+        // SAFETY: without a callback, the library fills in its own pattern.
         unsafe {
             let camera = camera.to_glib_none().0;
             sys::arv_fake_camera_set_fill_pattern(camera, None, std::ptr::null_mut());
@@ -205,8 +205,8 @@ impl Drop for Device {
 /// latched: the value that the board reads afterwards is later than the stamp.
 ///
 /// # Safety
-/// `buffer` is one of the library's with room for a frame of its size and `format`, `line` a
-/// [`Line`].
+/// `buffer` must be one of the library's, with room for a frame of its size and `format`; `line`
+/// must point to a [`Line`].
 unsafe extern "C" fn fill(
     buffer: *mut sys::ArvBuffer,
     line: *mut c_void,

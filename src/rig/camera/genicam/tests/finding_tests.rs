@@ -1,4 +1,4 @@
-//! Cameras by their names, and what the kernel grants them.
+//! Choice of a camera by its names, and the kernel's permissions and memory for it.
 
 use std::fs::{create_dir_all, write};
 
@@ -18,7 +18,7 @@ fn found(model: &str, serial: &str) -> Found {
     }
 }
 
-/// The rig file's names: any of the three.
+/// A device that the rig file names by model, serial number or both.
 fn named(model: Option<&str>, serial: Option<&str>) -> GenicamDevice {
     let GenicamSettings { mut device, .. } = settings("Mono8", 8);
     device.vendor = None;
@@ -38,7 +38,7 @@ fn the_only_camera_of_a_name_is_taken_and_two_are_refused() {
     assert!(said.contains("\"ace\" \"3\"") && said.contains("\"Basler\" \"boost\""), "{said}");
 }
 
-/// A folder of the kernel with a USB3 Vision camera at 2-1, and a webcam.
+/// A folder like the kernel's, with a USB3 Vision camera at 2-1 and a webcam.
 fn kernel() -> tempfile::TempDir {
     let root = tempfile::tempdir().expect("a folder");
     let devices = root.path().join("sys/bus/usb/devices");

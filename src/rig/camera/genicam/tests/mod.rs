@@ -163,13 +163,13 @@ fn frames_of_another_format_or_with_lost_packets_are_skipped() {
     let mut camera = open(&settings);
     fake.show(bytes(&settings));
     shoot(&mut camera, &fake).unwrap_or_else(|e| panic!("{e}"));
-    // BayerGB8, as after a flip.
+    // BayerGB8, as after the picture was flipped.
     let pattern = fake.register(PIXEL_FORMAT);
     fake.write(PIXEL_FORMAT, pattern + 1);
     assert!(matches!(shoot(&mut camera, &fake), Err(RigError::NoFrame { .. })));
     fake.write(PIXEL_FORMAT, pattern);
     let whole = shoot(&mut camera, &fake).unwrap_or_else(|e| panic!("{e}"));
-    // All packets of a frame, then none.
+    // All packets are lost, then half of them, then none.
     fake.lose_packets(1.0);
     assert!(matches!(shoot(&mut camera, &fake), Err(RigError::NoFrame { .. })));
     fake.lose_packets(0.5);

@@ -1,6 +1,6 @@
-//! Fakes, at the system call, of drivers as they behave: rp1-cfe and imx296 of Raspberry Pi's
-//! kernels, and uvcvideo. Nodes are files of a folder; structures are read by their offsets in the
-//! kernel's headers, not by this crate's own definitions.
+//! Fakes of drivers at the system call, which behave as the real ones do: rp1-cfe and imx296 of
+//! Raspberry Pi's kernels, and uvcvideo. Nodes are files in a folder; structures are read by their
+//! offsets in the kernel's headers, not by this crate's own definitions.
 #![allow(unsafe_code)] // Arguments of system calls.
 
 use std::cell::RefCell;
@@ -29,7 +29,7 @@ pub(in super::super) struct DriverRules {
     pub(in super::super) compares_colours: bool,
     /// Number of frames, from the first, whose lower half was lost.
     pub(in super::super) torn: u32,
-    /// Number of starts of the stream that fail: of the sensor, or for want of bandwidth.
+    /// Number of stream starts that fail, in the sensor or for lack of bandwidth.
     pub(in super::super) failing_starts: u32,
     /// Listings of the controls before the maker's control appears.
     pub(in super::super) listings_without_maker_control: u32,
@@ -119,7 +119,7 @@ thread_local! {
     static KERNEL: RefCell<Option<FakeKernel>> = const { RefCell::new(None) };
 }
 
-/// Folder of `dev` and `sys`.
+/// Folder that contains `dev` and `sys`.
 pub(in super::super) fn root() -> PathBuf {
     KERNEL.with_borrow(|kernel| {
         kernel.as_ref().map_or_else(|| "/".into(), |kernel| kernel.folder.path().to_owned())
@@ -134,7 +134,7 @@ pub(in super::super) fn kernel<T>(with: impl FnOnce(&mut FakeKernel) -> T) -> T 
 /// Replaces the system call on nodes of this thread's kernel.
 ///
 /// # Safety
-/// The requirements of the system call.
+/// The caller must meet the requirements of the system call.
 pub(in super::super) unsafe fn ioctl(
     fd: RawFd,
     number: v4l::v4l2::vidioc::_IOC_TYPE,
@@ -185,7 +185,7 @@ impl Argument<'_> {
     }
 }
 
-/// An object of a graph: `bytes` long, words at its beginning, and a name after the first.
+/// A graph object of `bytes` bytes that begins with `words`; `name` follows the first of them.
 fn object(bytes: usize, words: &[u32], name: &str) -> Vec<u8> {
     let mut whole = vec![0; bytes];
     Argument(&mut whole).set(0, words);
@@ -371,7 +371,7 @@ impl FakeKernel {
         Ok(())
     }
 
-    /// Calls of the capture node.
+    /// Answers a request to the capture node.
     fn stream(&mut self, number: u32, argument: &mut Argument<'_>) -> Result<(), Errno> {
         match number {
             0x5600 => {

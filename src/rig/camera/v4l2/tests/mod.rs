@@ -87,7 +87,7 @@ fn links_that_another_program_left_are_disabled_before_those_of_the_rig_file_are
     });
 }
 
-/// A rule, and words of the error where a driver that breaks it delivers no frame.
+/// A rule, a change that breaks it, and words of the error if no frame may arrive then.
 type BrokenRule = (&'static str, fn(&mut DriverRules), Option<&'static str>);
 
 const BROKEN: [BrokenRule; 4] = [
@@ -118,7 +118,7 @@ fn a_frame_whose_lower_rows_were_lost_is_no_frame() {
 
 #[test]
 fn a_sensor_that_fails_to_start_twice_is_not_started_again() {
-    // Another name, since failures are remembered for as long as the program runs.
+    // Uses another name, since failures are remembered for as long as the program runs.
     let rules =
         DriverRules { failing_starts: 9, sensor: "imx477 10-001a", ..DriverRules::default() };
     FakeKernel::install(rules, 1456 * 1088 * 2);
