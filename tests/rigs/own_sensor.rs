@@ -86,7 +86,7 @@ fn a_turned_photo_is_restored_as_it_was_taken() {
     let mirrored = turned.fliph();
     let (outcome, seen) = restored(&mut restorer, &rig, &mirrored, false);
     assert_eq!(outcome.verdict, Verdict::Untouched);
-    assert!(outcome.reason.contains("stored upright"), "{}", outcome.reason);
+    assert!(outcome.reason.contains("in portrait"), "{}", outcome.reason);
     assert_eq!(seen.size().width, rig.photo.size().height);
 }
 
