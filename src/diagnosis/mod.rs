@@ -60,7 +60,7 @@ pub struct MeasuredTiming {
 /// Measures the timing of `rig`, the devices opened for [`patient`]`(file)`.
 ///
 /// # Errors
-/// When a device fails, or black and white can hardly be told apart.
+/// When a device fails, or black and white can hardly be distinguished.
 pub fn measure(rig: &mut Devices, file: &RigFile) -> Result<MeasuredTiming, RigError> {
     let interval_ms = 1e3 / file.panel.refresh_hz;
     let (file_settle_ms, long_ms) = (file.panel.settle_ms, rig.timing.settle_ms);

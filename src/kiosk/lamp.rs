@@ -1,4 +1,4 @@
-//! Lamps by state: colours and rhythms. Trouble can be told by its rhythm alone, since one man in
+//! Lamps by state: colours and rhythms. Trouble is recognised by its rhythm alone, since one man in
 //! twelve confuses red and green. Colours and rates after IEC 60073 as summarised in trade pages:
 //! green normal, red fault; slow flashing below 0.8 Hz, normal 1.4 to 2.8 Hz.
 
