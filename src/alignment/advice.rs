@@ -184,7 +184,7 @@ impl Brightness {
                 Action::Cover,
                 format!(
                     "the camera sees past the panel at the {unlit}: move the panel there, or \
-                         nearer"
+                     nearer"
                 ),
             ),
         ];

@@ -134,11 +134,9 @@ impl Calibration {
             }
         }
         let fits = self.focuses.is_empty() || self.focus_series().is_some();
-        fits.then_some(()).ok_or_else(|| {
-            "focuses with other grids of functions than the panel's, \
-                                          or two with the same offset"
-                .to_owned()
-        })
+        let other = "focuses with other grids of functions than the panel's, or two with the same \
+                     offset";
+        fits.then_some(()).ok_or_else(|| other.to_owned())
     }
 }
 

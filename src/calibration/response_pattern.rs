@@ -98,7 +98,7 @@ impl ResponsePattern {
         let found: Vec<usize> = self.planes.iter().map(Vec::len).collect();
         Err(format!(
             "a response pattern with planes of {found:?} sites; allowed are none, one or \
-                     three planes of {canvas}"
+             three planes of {canvas}"
         ))
     }
 }

@@ -1,4 +1,4 @@
-//! Storage of the calibration: two slots, of which at most one is being written.
+//! Storage of the calibration in two slots; at most one is being written.
 //!
 //! A slot is: magic (8 bytes), version (u32, little-endian), calibration (postcard), CRC-32 of all
 //! preceding bytes (u32, little-endian). The newer valid slot of this rig is used. A new

@@ -77,11 +77,8 @@ impl TestPhoto {
 
     /// Prepares the photo for the methods of `pipeline`.
     pub fn prepared(&self, pipeline: &Pipeline, channels: Channels) -> Prepared<'_> {
-        let recorded = match (self.raw, &self.coded) {
-            (Some(raw), _) => Recorded::Raw(raw),
-            (None, Some((coding, tone))) => Recorded::Jpeg { coding, tone },
-            (None, None) => Recorded::Developed,
-        };
+        let coded = self.coded.as_ref().map(|(coding, tone)| (coding, tone));
+        let recorded = Recorded::of(self.raw, coded);
         let channels = if self.raw.is_some() { Channels::Colour } else { channels };
         pipeline.prepare(PhotoData { light: &self.light, channels, recorded })
     }

@@ -73,7 +73,7 @@ impl ColourFocus {
         let toward_green = share(blue_by_green, through(blue, green));
         log::debug!(
             "focus of the colours: share of red and green {red_green:.3?}, of blue \
-                     {toward_green:.3?}"
+             {toward_green:.3?}"
         );
         (red_green.is_some() || toward_green.is_some()).then(|| ColourFocus {
             red_green: red_green.unwrap_or(0.0),

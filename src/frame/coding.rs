@@ -13,6 +13,31 @@ pub const BLOCK_AREA: usize = BLOCK_PX * BLOCK_PX;
 pub const TO_YCC: [[f32; 3]; 3] =
     [[0.299, 0.587, 0.114], [-0.168_736, -0.331_264, 0.5], [0.5, -0.418_688, -0.081_312]];
 
+/// T.81's tables K.1 and K.2, row by row: steps at libjpeg's quality 50.
+#[rustfmt::skip]
+const USUAL_STEPS: [[u16; BLOCK_AREA]; 2] = [
+    [
+        16, 11, 10, 16, 24, 40, 51, 61, 12, 12, 14, 19, 26, 58, 60, 55,
+        14, 13, 16, 24, 40, 57, 69, 56, 14, 17, 22, 29, 51, 87, 80, 62,
+        18, 22, 37, 56, 68, 109, 103, 77, 24, 35, 55, 64, 81, 104, 113, 92,
+        49, 64, 78, 87, 103, 121, 120, 101, 72, 92, 95, 98, 112, 100, 103, 99,
+    ],
+    [
+        17, 18, 24, 47, 99, 99, 99, 99, 18, 21, 26, 66, 99, 99, 99, 99,
+        24, 26, 56, 99, 99, 99, 99, 99, 47, 66, 99, 99, 99, 99, 99, 99,
+        99, 99, 99, 99, 99, 99, 99, 99, 99, 99, 99, 99, 99, 99, 99, 99,
+        99, 99, 99, 99, 99, 99, 99, 99, 99, 99, 99, 99, 99, 99, 99, 99,
+    ],
+];
+
+/// Step `k`, row by row, of the usual table of luma (`component` 0) or chroma (1, 2) at libjpeg's
+/// `quality` of 1 to 100.
+pub fn usual_step(component: usize, k: usize, quality: u16) -> u16 {
+    let percent = if quality < 50 { 5000 / quality.max(1) } else { 200 - 2 * quality.min(100) };
+    let step = u32::from(USUAL_STEPS[component.min(1)][k]);
+    ((step * u32::from(percent) + 50) / 100).clamp(1, 255) as u16
+}
+
 /// A picture as quantised JPEG coefficients.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Coding {

@@ -23,7 +23,7 @@ mod steps;
 
 pub use bands::{CoarseResult, DeliveredPicture, bands_of};
 pub use channel::{Channel, Channels};
-pub use coding::{BLOCK_AREA, BLOCK_PX, CodedComponent, Coding, TO_YCC};
+pub use coding::{BLOCK_AREA, BLOCK_PX, CodedComponent, Coding, TO_YCC, usual_step};
 pub use mosaic::{Mosaic, RawSites};
 #[cfg(test)]
 pub(crate) use npy::read_npy_f32;

@@ -53,7 +53,7 @@ pub enum CalibrateError {
     TooSoon(f64),
     #[error(
         "the rig is not steady: {0}, allowed {1}; bolt down panel and camera, and keep the \
-             table still"
+         table still"
     )]
     Moving(String, String),
     #[error("wrong focus: {0}, allowed {1}; focus the camera on the panel")]

@@ -160,19 +160,15 @@ impl Heading {
             let mut raster =
                 collect(decoder(Cursor::new(bytes), content, limits), content, limits)?;
             let step = raster.step();
-            let read = match content {
-                Content::Written(Format::Jpeg) => {
-                    coding.map_or_else(|| jpeg::coefficients(bytes), Ok)?
-                }
-                _ if bits_of(raster.colour) == 8 => {
-                    jpeg::earlier_coding(raster.size, &raster.samples, step)
-                }
-                _ => None,
-            };
-            raster.coding = match read.filter(|read| read.size == raster.size) {
-                Some(coding) => jpeg::agree(&coding, &raster.samples, step)?.then_some(coding),
-                None => None,
-            };
+            if content == Content::Written(Format::Jpeg) {
+                let coding = coding.map_or_else(|| jpeg::coefficients(bytes), Ok)?;
+                raster.coding = match coding.filter(|read| read.size == raster.size) {
+                    Some(coding) => jpeg::agree(&coding, &raster.samples, step)?.then_some(coding),
+                    None => None,
+                };
+            } else if bits_of(raster.colour) == 8 {
+                raster.coding = jpeg::earlier_coding(raster.size, &raster.samples, step);
+            }
             Ok(raster)
         }));
         let decoded = decoded.unwrap_or_else(|_| Err(Flaw::Undecodable { kind: content.name() }));

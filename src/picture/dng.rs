@@ -62,7 +62,7 @@ pub(crate) const OUR_MAKE: &str = "relens";
 /// Most directories, so that a hostile file does not keep the program busy. Guess.
 const DIRECTORIES_MAX: usize = 32;
 
-/// Fields, with their names, of which only the value 1 is supported, the default if missing.
+/// Fields, with their names, that are supported only with the value 1, the default if missing.
 const ONLY: [(u16, &str); 5] = [
     (COMPRESSION, "compression"),
     (FILL_ORDER, "order of bits"),

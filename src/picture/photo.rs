@@ -104,8 +104,8 @@ pub struct Photo {
 }
 
 /// Note for a file whose pixels are those of a JPEG.
-const ONCE_A_JPEG: &str = "its pixels were those of a JPEG: it is restored from that JPEG's \
-                           coefficients; drop the JPEG itself if you have it";
+const ONCE_A_JPEG: &str =
+    "its pixels are those of a JPEG that was saved again; drop the JPEG itself if you have it";
 
 /// A placeholder for light that is transferred separately.
 fn no_light() -> Frame<Work> {
@@ -323,11 +323,10 @@ impl Photo {
             raw.mosaic = raw.mosaic.from_place(rect.x, rect.y);
         }
         let kept = rect.size;
-        // `stored` is compared to find lost resolution, of which a cut loses none.
+        // `stored` is compared to find lost resolution, and a cut loses none.
         self.stored = kept;
         self.losses.push(format!(
-            "the photo was cropped from the whole sensor, {all}, to the rig's photo, \
-                           {kept}"
+            "the photo was cropped from the whole sensor, {all}, to the rig's photo, {kept}"
         ));
     }
 
@@ -442,6 +441,17 @@ mod tests {
         assert_eq!(steps(&first), steps(&again));
         assert!(!first.notes.contains(&ONCE_A_JPEG.to_owned()));
         assert!(again.notes.contains(&ONCE_A_JPEG.to_owned()));
+        // A grey one with transparency.
+        let grey = decoded.to_luma8();
+        let (width, height) = (grey.width() as u16, grey.height() as u16);
+        let (mut jpeg, mut png) = (Vec::new(), std::io::Cursor::new(Vec::new()));
+        let encoder = jpeg_encoder::Encoder::new(&mut jpeg, 85);
+        encoder.encode(&grey, width, height, jpeg_encoder::ColorType::Luma).unwrap();
+        let decoded = image::load_from_memory(&jpeg).unwrap().into_luma_alpha8();
+        decoded.write_to(&mut png, image::ImageFormat::Png).unwrap();
+        let (first, again) = (of("grey.jpg", &jpeg), of("grey.png", png.get_ref()));
+        assert_eq!(steps(&first), steps(&again));
+        assert_eq!(again.coding.map(|coding| coding.components.len()), Some(1));
     }
 
     #[test]

@@ -37,6 +37,17 @@ pub enum Recorded<'a> {
     },
 }
 
+impl<'a> Recorded<'a> {
+    /// The kind of data of a photo with the sites `raw`, or `coded` as a JPEG in a tone curve.
+    pub(crate) fn of(raw: Option<RawSites>, coded: Option<(&'a Coding, &'a Tone)>) -> Self {
+        match (raw, coded) {
+            (Some(raw), _) => Recorded::Raw(raw),
+            (None, Some((coding, tone))) => Recorded::Jpeg { coding, tone },
+            (None, None) => Recorded::Developed,
+        }
+    }
+}
+
 impl<'a> PhotoData<'a> {
     /// A photo with full-colour pixels: `light` in `channels`.
     pub fn developed(light: &'a Frame<Work>, channels: Channels) -> PhotoData<'a> {
@@ -51,11 +62,8 @@ impl<'a> PhotoData<'a> {
 
 impl<'a> From<&'a Photo> for PhotoData<'a> {
     fn from(photo: &'a Photo) -> PhotoData<'a> {
-        let recorded = match (photo.raw, &photo.coding) {
-            (Some(raw), _) => Recorded::Raw(raw),
-            (None, Some(coding)) => Recorded::Jpeg { coding, tone: &photo.manner.tone },
-            (None, None) => Recorded::Developed,
-        };
+        let coded = photo.coding.as_ref().map(|coding| (coding, &photo.manner.tone));
+        let recorded = Recorded::of(photo.raw, coded);
         PhotoData { light: &photo.light, channels: photo.channels, recorded }
     }
 }

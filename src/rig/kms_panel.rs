@@ -72,12 +72,8 @@ impl KmsPanel {
         for capability in [drm::ClientCapability::UniversalPlanes, drm::ClientCapability::Atomic] {
             card.set_client_capability(capability, true).map_err(|_| {
                 let found = "a display driver without atomic mode setting";
-                RigError::refused(
-                    "panel",
-                    found,
-                    "a driver with it, which every current graphics \
-                                   chip has",
-                )
+                let allowed = "a driver with it, which every current graphics chip has";
+                RigError::refused("panel", found, allowed)
             })?;
         }
         let connector = card.connector(name)?;

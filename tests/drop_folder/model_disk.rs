@@ -139,8 +139,8 @@ impl Contents {
 
     /// All states possible after a power cut: every subset of the pending changes of names (only
     /// significant subsets of more than six changes), with each kind of damage to content that is
-    /// not durable. Files for which `spared` holds are not damaged.
-    pub fn cuts(&self, spared: &dyn Fn(&Path) -> bool) -> Vec<Survivors> {
+    /// not durable. Files that are `exempt` are not damaged.
+    pub fn cuts(&self, exempt: &dyn Fn(&Path) -> bool) -> Vec<Survivors> {
         // Files rewritten at each start would only multiply the choices.
         let ignored = |path: &&PathBuf| {
             path.file_name()
@@ -172,7 +172,7 @@ impl Contents {
                 apply(change, &mut names);
             }
             let damaged =
-                |path: &PathBuf, inode: &u64| !self.inodes[inode].durable && !spared(path);
+                |path: &PathBuf, inode: &u64| !self.inodes[inode].durable && !exempt(path);
             let any = names.iter().any(|(path, inode)| damaged(path, inode));
             for damage in Unsafe::ALL.into_iter().take(if any { 5 } else { 1 }) {
                 let survive = |(path, inode): (&PathBuf, &u64)| {

@@ -262,11 +262,11 @@ pub fn search_in(
                 also(&contents.now(), true)?;
             }
             // The daemon need not protect a photo that was neither synchronised nor begun.
-            let spared = |path: &Path| {
+            let exempt = |path: &Path| {
                 let name = path.file_name().unwrap_or_default();
                 dropped.iter().any(|photo| photo.name == name) && !begun.contains(name)
             };
-            for survivors in contents.cuts(&spared) {
+            for survivors in contents.cuts(&exempt) {
                 found.cuts += 1;
                 at_every_instant(&survivors, dropped)?;
                 also(&survivors, false)?;

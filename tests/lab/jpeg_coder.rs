@@ -2,7 +2,7 @@
 //! by ITU-T T.81), so that files are long and the code is simple.
 
 use relens::frame::block_transform::{cosines, transform};
-use relens::frame::{Frame, Size};
+use relens::frame::{BLOCK_AREA, Frame, Size, usual_step};
 
 /// Coding of a picture.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -24,23 +24,6 @@ impl Quality {
         format!("{}, {chroma}", self.quality)
     }
 }
-
-/// T.81's tables K.1 and K.2 at quality 50, row by row.
-#[rustfmt::skip]
-const STEPS: [[u32; 64]; 2] = [
-    [
-        16, 11, 10, 16, 24, 40, 51, 61, 12, 12, 14, 19, 26, 58, 60, 55,
-        14, 13, 16, 24, 40, 57, 69, 56, 14, 17, 22, 29, 51, 87, 80, 62,
-        18, 22, 37, 56, 68, 109, 103, 77, 24, 35, 55, 64, 81, 104, 113, 92,
-        49, 64, 78, 87, 103, 121, 120, 101, 72, 92, 95, 98, 112, 100, 103, 99,
-    ],
-    [
-        17, 18, 24, 47, 99, 99, 99, 99, 18, 21, 26, 66, 99, 99, 99, 99,
-        24, 26, 56, 99, 99, 99, 99, 99, 47, 66, 99, 99, 99, 99, 99, 99,
-        99, 99, 99, 99, 99, 99, 99, 99, 99, 99, 99, 99, 99, 99, 99, 99,
-        99, 99, 99, 99, 99, 99, 99, 99, 99, 99, 99, 99, 99, 99, 99, 99,
-    ],
-];
 
 /// Row-major indices of a block's coefficients in the order of a scan (T.81, figure A.6).
 fn zigzag() -> Vec<usize> {
@@ -102,11 +85,8 @@ impl Writer {
 /// Encodes `codes` into a file.
 pub(crate) fn coded<S>(codes: &Frame<S, u8>, quality: Quality) -> Vec<u8> {
     let (size, (across, down)) = (codes.size(), quality.pixels);
-    let scale = match quality.quality {
-        q if q < 50 => 5000 / q.max(1),
-        q => 200 - 2 * q.min(100),
-    };
-    let steps = STEPS.map(|table| table.map(|step| ((step * scale + 50) / 100).clamp(1, 255)));
+    let step = |n: usize, k| usual_step(n, k, quality.quality as u16);
+    let steps = [0, 1].map(|n| std::array::from_fn::<u16, BLOCK_AREA, _>(|k| step(n, k)));
     let zigzag = zigzag();
     let mut file = vec![0xff, 0xd8];
     let mut segment = |marker: u8, body: &[u8]| {

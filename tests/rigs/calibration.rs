@@ -259,8 +259,8 @@ fn the_studys_rig_is_calibrated_without_a_checkerboard() {
 #[ignore = "minutes: the long gate runs it"]
 fn responses_of_sites_and_bad_sites_are_found() {
     let mut config = load("truthful.toml");
-    // The panel's stripes beat with pixels as coarse as these, and part of the beat cannot be told
-    // apart from the sites' responses.
+    // The panel's stripes beat with pixels as coarse as these, and part of the beat resembles the
+    // sites' responses.
     score_pattern(&config, 0.0027);
     config.panel.subpixels = config::Subpixels::Whole;
     score_pattern(&config, 0.0);

@@ -325,7 +325,7 @@ mod tests {
         });
         let html = card_of(&report);
         assert!(!html.contains("certificate good") && html.contains("strong noise"), "{html}");
-        // The page shows no pair of numbers of which the larger one is better.
+        // The page shows no pair of numbers that the user has to compare.
         assert!(!html.contains("75."), "{html}");
     }
 

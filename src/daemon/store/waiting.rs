@@ -27,7 +27,7 @@ pub struct Waiting {
     pub rig: usize,
     /// Photos that have just arrived and may still change.
     pub settling: usize,
-    /// Photos of which only a part has arrived.
+    /// Photos that have arrived only in part.
     pub unfinished: usize,
     /// Photos to be tried again.
     pub retry: usize,

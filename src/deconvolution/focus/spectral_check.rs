@@ -2,7 +2,7 @@
 //!
 //! A photo taken through a sharper lens can be explained as well as one taken through the measured
 //! lens: the solution overshoots, and the measured lens hides that. But then the solution's power
-//! would rise at frequencies of which the measured lens passes little, whereas the power of scenes
+//! would rise at frequencies that the measured lens hardly passes, whereas the power of scenes
 //! falls with frequency. The check asks which hypothesis makes the tiles' spectra likeliest: lens
 //! and sensor as measured, a noisier sensor, or a narrower lens.
 

@@ -1,5 +1,4 @@
-//! Decomposition of the canvas into cells, within each of which the same four functions are
-//! interpolated.
+//! Decomposition of the canvas into cells. Within a cell the same four functions are interpolated.
 //!
 //! Between the centres of four neighbouring functions the bilinear weights are separable. Beyond
 //! the outermost centres cells extend to the canvas's edge, with fewer functions. Each cell is
@@ -94,7 +93,7 @@ pub(super) struct SpectrumOf {
     pub(super) transform_y: usize,
 }
 
-/// Half spectrum of one function: rows of `nx` vectors, each of which holds eight adjacent vertical
+/// Half spectrum of one function: rows of `nx` vectors, each with eight adjacent vertical
 /// frequencies of 0..=ny/2.
 pub(super) type Spectrum = Vec<ComplexLanes>;
 

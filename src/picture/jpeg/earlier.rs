@@ -9,7 +9,9 @@
 use rayon::prelude::*;
 
 use crate::frame::block_transform::{cosines, transform};
-use crate::frame::{BLOCK_AREA, BLOCK_PX, CodedComponent, Coding, Plane, Rect, Size, TO_YCC};
+use crate::frame::{
+    BLOCK_AREA, BLOCK_PX, CodedComponent, Coding, Plane, Rect, Size, TO_YCC, usual_step,
+};
 
 type BlockCoefficients = [f32; BLOCK_AREA];
 
@@ -34,23 +36,6 @@ const SEARCHED_PX: usize = 1024;
 const MIDDLE: f32 = 128.0;
 /// Passes that invert the interpolation of chroma: each at least halves the error.
 const PASSES: usize = 10;
-
-/// T.81's tables K.1 and K.2, row by row: steps at libjpeg's quality 50.
-#[rustfmt::skip]
-const USUAL: [[u16; BLOCK_AREA]; 2] = [
-    [
-        16, 11, 10, 16, 24, 40, 51, 61, 12, 12, 14, 19, 26, 58, 60, 55,
-        14, 13, 16, 24, 40, 57, 69, 56, 14, 17, 22, 29, 51, 87, 80, 62,
-        18, 22, 37, 56, 68, 109, 103, 77, 24, 35, 55, 64, 81, 104, 113, 92,
-        49, 64, 78, 87, 103, 121, 120, 101, 72, 92, 95, 98, 112, 100, 103, 99,
-    ],
-    [
-        17, 18, 24, 47, 99, 99, 99, 99, 18, 21, 26, 66, 99, 99, 99, 99,
-        24, 26, 56, 99, 99, 99, 99, 99, 47, 66, 99, 99, 99, 99, 99, 99,
-        99, 99, 99, 99, 99, 99, 99, 99, 99, 99, 99, 99, 99, 99, 99, 99,
-        99, 99, 99, 99, 99, 99, 99, 99, 99, 99, 99, 99, 99, 99, 99, 99,
-    ],
-];
 
 /// The coding of the JPEG from which `samples` of 8 bits, `step` a pixel, were decoded; `None` if
 /// they show none.
@@ -193,11 +178,10 @@ impl ShownSteps {
     /// quality nearest to `about`.
     fn quality(&self, n: usize, about: u16) -> u16 {
         let apart = |quality: u16| -> f32 {
-            let steps = self.0.iter().zip(&USUAL[n]);
-            let apart = |(&found, &usual): (&Option<u16>, &u16)| {
-                Some((f32::from(found?) / f32::from(at_quality(usual, quality))).ln().abs())
+            let ratio = |(k, found): (usize, &Option<u16>)| {
+                Some(f32::from((*found)?) / f32::from(usual_step(n, k, quality)))
             };
-            steps.filter_map(apart).sum()
+            self.0.iter().enumerate().filter_map(ratio).map(|ratio| ratio.ln().abs()).sum()
         };
         let mut all: Vec<u16> = (1..=100).collect();
         all.sort_by_key(|quality| quality.abs_diff(about));
@@ -207,20 +191,13 @@ impl ShownSteps {
 
     /// The steps found, completed by those of the usual table `n` at `quality`.
     fn steps(&self, n: usize, quality: u16) -> Vec<u16> {
-        let of = |(found, &usual): (&Option<u16>, &u16)| {
-            found.unwrap_or_else(|| at_quality(usual, quality))
-        };
-        self.0.iter().zip(&USUAL[n]).map(of).collect()
+        let all = self.0.iter().enumerate();
+        all.map(|(k, found)| found.unwrap_or_else(|| usual_step(n, k, quality))).collect()
     }
 }
 
-/// A step of a usual table at libjpeg's `quality` of 1 to 100.
-fn at_quality(step: u16, quality: u16) -> u16 {
-    let percent = if quality < 50 { 5000 / quality } else { 200 - 2 * quality };
-    ((u32::from(step) * u32::from(percent) + 50) / 100).clamp(1, 255) as u16
-}
-
-/// The largest step of which `values`, one coefficient's magnitudes in all blocks, are multiples.
+/// The largest step such that `values`, one coefficient's magnitudes in all blocks, are its
+/// multiples.
 fn step_of(mut values: Vec<f32>) -> Option<u16> {
     values.sort_unstable_by(|a, b| b.total_cmp(a));
     // Blocks of a drawn pattern are alike to the bit, decoded ones differ by rounding errors.
