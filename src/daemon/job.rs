@@ -131,8 +131,6 @@ pub(super) struct Job<'a> {
     pub(super) unsettled: &'a mut Unsettled,
     /// Flaw for which the completeness check refused the photo, with the checked file's metadata.
     pub(super) refusal: Option<(Metadata, PictureError)>,
-    /// Set to true when names in `failed` are not durable yet.
-    pub(super) has_rejected: &'a mut bool,
 }
 
 /// Photos left in `working` by an error: name, and whether the result was delivered.
@@ -202,10 +200,7 @@ impl Job<'_> {
         };
         let reason = full_message(&error);
         match error.remedy() {
-            Remedy::SkipPhoto => {
-                *self.has_rejected |= photo.ledger.attempts() == 0;
-                Ok(JobEnd::Failed(photo.reject(folders, reason)?))
-            }
+            Remedy::SkipPhoto => Ok(JobEnd::Failed(photo.reject(folders, reason)?)),
             Remedy::RetryLater => {
                 let failed = Failed { photo: photo.display_name(), reason };
                 let path = settle(folders, &photo.name, false)?;

@@ -64,8 +64,6 @@ pub struct Daemon<'a> {
     unsettled: Unsettled,
     late: LateWrites,
     reporter: Reporter,
-    /// Whether photos were moved to `failed` whose names there are not durable yet.
-    has_rejected: bool,
 }
 
 impl<'a> Daemon<'a> {
@@ -87,7 +85,6 @@ impl<'a> Daemon<'a> {
             unsettled: Unsettled::default(),
             late: LateWrites::default(),
             reporter: Reporter::open(&folders, &setting.rig, setting.needs_button)?,
-            has_rejected: false,
             folders,
             setting,
         })
@@ -376,7 +373,6 @@ impl<'a> Daemon<'a> {
             watcher: &mut *self.watcher,
             unsettled: &mut self.unsettled,
             refusal,
-            has_rejected: &mut self.has_rejected,
         };
         let end = job.run(path);
         self.watcher.ended();
@@ -432,10 +428,6 @@ impl<'a> Daemon<'a> {
     }
 
     fn show_gallery(&mut self) -> Result<(), DaemonError> {
-        if self.has_rejected {
-            self.folders.files.sync_folder(&self.folders.failed)?;
-            self.has_rejected = false;
-        }
         let snapshot = self.snapshot();
         Ok(self.reporter.write_gallery(&self.folders, &snapshot)?)
     }

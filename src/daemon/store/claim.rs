@@ -87,11 +87,9 @@ impl Claimed {
             files.replace_for_good(&folder.join(note_name(name)), failed.note().as_bytes())?;
             files.rename_new(&self.path, &folder.join(name))
         })?;
-        // Before the record is removed: without it the photo would be tried again. The move of a
-        // photo never attempted is made durable with the gallery.
-        if self.ledger.attempts() > 0 {
-            files.sync_folder(folder)?;
-        }
+        // Before the record is removed: without it the photo would be tried again. And before the
+        // next photo of this name is claimed, which a power cut could let replace this one.
+        files.sync_folder(folder)?;
         self.ledger.close(folders)?;
         Ok(failed)
     }

@@ -52,7 +52,7 @@ fn recover_photo(folders: &Folders, name: &OsStr) -> Result<(), FileError> {
         }
         ledger.forget_result(folders)?;
     }
-    files.move_to(&path, &folders.inbox, name)?;
+    return_to_inbox(folders, &path, name)?;
     log::info!("{photo}: found in working after a stop, moved to inbox");
     Ok(())
 }
@@ -81,9 +81,18 @@ pub(crate) fn settle(
     if let Some(result) = ledger.result() {
         remove_result(folders, &result, &path)?;
     }
-    let path = files.move_to(&path, &folders.inbox, name)?;
+    let path = return_to_inbox(folders, &path, name)?;
     ledger.close(folders)?;
     Ok(Some(PathBuf::from(path.file_name().unwrap_or(name))))
+}
+
+/// Moves the photo at `path` in `working` durably into the inbox, and returns its path there. If a
+/// power cut undid this move, but not the claim of the next photo called `name`, that one would
+/// replace it.
+fn return_to_inbox(folders: &Folders, path: &Path, name: &OsStr) -> Result<PathBuf, FileError> {
+    let path = folders.files.move_to(path, &folders.inbox, name)?;
+    folders.files.sync_folder(&folders.inbox)?;
+    Ok(path)
 }
 
 /// Removes `result` and its report, if they belong to the photo at `path`: they may not be durable,
