@@ -68,11 +68,7 @@ impl Method for TotalVariation {
 
 impl TotalVariation {
     /// Solves channel `c` of `problem`; returns its light and the record of its steps.
-    pub(crate) fn solve_channel(
-        &self,
-        problem: &Problem<'_>,
-        c: Channel,
-    ) -> (Plane, IterationRecord) {
+    fn solve_channel(&self, problem: &Problem<'_>, c: Channel) -> (Plane, IterationRecord) {
         let mut course = Course::new(problem.stopwatch);
         let (observation, model) = (problem.observation, problem.model);
         let (data, trust) = (observation.light.plane(c), observation.trust.plane(c));

@@ -52,11 +52,10 @@ pub(in crate::pipeline) struct OutlierLimits {
     pub(in crate::pipeline) of_clearest: f32,
 }
 
-/// Limits from strict to loose; the first that leave a photo which the lens explains apply. The
-/// first are set on date stamps of the limits, the others, for watermarks, on those of the rates.
-pub(in crate::pipeline) const OUTLIERS: [OutlierLimits; 3] = [
+/// Limits, strict and loose; the first that leave a photo which the lens explains apply. The strict
+/// ones are set on date stamps of the limits, the others, for watermarks, on those of the rates.
+pub(in crate::pipeline) const OUTLIERS: [OutlierLimits; 2] = [
     OutlierLimits { of_any: 2.0, of_clearest: 4.0 },
-    OutlierLimits { of_any: 2.0, of_clearest: 2.0 },
     OutlierLimits { of_any: 1.4, of_clearest: 1.4 },
 ];
 /// Share of a photo, or of its informative pixels, above which outliers make it foreign. A photo
@@ -64,12 +63,9 @@ pub(in crate::pipeline) const OUTLIERS: [OutlierLimits; 3] = [
 pub(in crate::pipeline) const OUTLIERS_MOST: f64 = 1.0 / 3.0;
 /// Residual of the untouched photo over its noise above which pixels are informative. Guess.
 pub(in crate::pipeline) const INFORMATIVE: f32 = 2.0;
-/// Steps of the short reference solution, which is tried first, in one channel. Guess.
-pub(super) const SHORT_STEPS: u32 = 12;
-/// Product, as for [`FOREIGN`], above which the short solution suffices to call a photo foreign. Of
-/// 165 results of both groups, it is 1.0 at most for photos that the whole solution explains, and
-/// above this limit for four of six foreign ones.
-pub(super) const CLEARLY_FOREIGN: f64 = 2.0 * FOREIGN;
+/// Product, as for [`FOREIGN`], above which captures are no use to a JPEG of this sensor. Its
+/// coding errors resemble a fault, which the sensor's own photos rarely have. Guess: twice that.
+pub(super) const FOREIGN_JPEG: f64 = 2.0 * FOREIGN;
 
 /// Mean slope of lightness, codes a pixel, up to which a pixel is flat. Set on the limits.
 pub(super) const FLAT: f32 = 2.0;

@@ -2,8 +2,8 @@
 //!
 //! The witnesses of the [`table`] are evaluated twice: first for whether a result is suspect, which
 //! costs little, and then, with the reference solution, for whether it harms. A harmful result is
-//! replaced by a solution of the measured lens alone: by that of `digital` if captures led the
-//! method astray, else by the reference solution. The photo itself is returned if no scene gives it
+//! replaced by a solution of the measured lens alone: by that of `digital` or, if that also harms, by
+//! the reference solution. The photo itself is returned if no scene gives it
 //! through the measured lens, even without its outliers, or if noise hides what the lens did.
 
 mod distance;
@@ -21,10 +21,9 @@ use evidence::worst_unexplained;
 pub use evidence::{Evidence, Residuals, unexplained_product};
 pub use fine_colour::FineColour;
 pub use grain::Grain;
-use limits::CLEARLY_FOREIGN;
+use limits::FOREIGN_JPEG;
 pub use limits::{FOREIGN, NO_GAIN};
 pub use measures::Case;
-pub(super) use reference::KnownCandidate;
 pub(super) use residuals::valid_pixels;
 pub use table::{Unit, WITNESSES, WitnessRow};
 pub use verdict::{Measures, harm, is_suspect};
@@ -64,9 +63,7 @@ impl Pipeline {
         let lens_alone = match photo.lens_alone.get() {
             Some(known) => known,
             None => {
-                let prediction = self.predicted(photo, solved);
-                let candidate = KnownCandidate { channels: &evidence.channels, seen: &prediction };
-                let made = self.lens_alone(photo, candidate, watch)?;
+                let made = self.lens_alone(photo, watch)?;
                 photo.lens_alone.get_or_init(|| made)
             }
         };
@@ -87,7 +84,7 @@ impl Pipeline {
         let Some(reason) = verdict::harm_in_words(&WITNESSES, &measures) else {
             return Ok(Outcome::of(solved, evidence));
         };
-        let replaced = match self.without_light(photo, solved, reference_solution, watch)? {
+        let replaced = match self.by_digital(photo, reference_solution, watch)? {
             Some(outcome) => outcome,
             None => Outcome::of(reference_solution, reference.evidence.clone()),
         };
@@ -96,18 +93,13 @@ impl Pipeline {
         Ok(Outcome { verdict: Verdict::Replaced, stage, reason, captures, ..replaced })
     }
 
-    /// The outcome of `digital`, which uses no captures, in place of a harmful result. `None` if
-    /// that result used no captures either, or if `digital` also harms.
-    fn without_light(
+    /// The outcome of `digital` in place of a harmful result; `None` if it also harms.
+    fn by_digital(
         &self,
         photo: &Prepared<'_>,
-        harmful_result: &Solved,
         reference: &Solved,
         watch: &mut Watch<'_>,
     ) -> Result<Option<Outcome>, MethodError> {
-        if harmful_result.captures == 0 {
-            return Ok(None);
-        }
         let solved = self.by_lens_alone(&self.digital, photo, watch)?;
         let evidence = self.evidence(photo, &solved);
         let reference = Some(&reference.picture);
@@ -135,16 +127,14 @@ impl Pipeline {
     /// but before any more captures; `seen` is a candidate of the lens alone, seen through it.
     pub(super) fn is_hopeless(&self, photo: &Prepared<'_>, seen: &Frame<Work>) -> bool {
         let channels = self.residuals(photo, seen);
-        // A JPEG's coding errors resemble a fault, which this sensor's own photos rarely have.
         let is_own_jpeg =
             photo.shows_sensor() && photo.observation.sampling.kind() == DataKind::Jpeg;
-        let limit = if is_own_jpeg { CLEARLY_FOREIGN } else { FOREIGN };
+        let limit = if is_own_jpeg { FOREIGN_JPEG } else { FOREIGN };
         if unexplained_product(&channels) <= limit {
             return false;
         }
-        let candidate = KnownCandidate { channels: &channels, seen };
         let known = photo.lens_alone.get().or_else(|| {
-            let made = self.lens_alone(photo, candidate, &mut |_, _| {}).ok()?;
+            let made = self.lens_alone(photo, &mut |_, _| {}).ok()?;
             Some(photo.lens_alone.get_or_init(|| made))
         });
         known.is_some_and(|of| matches!(of, LensAlone::Foreign(_)))
