@@ -24,6 +24,7 @@ pub mod detail_mask;
 mod example_lens;
 pub mod focus;
 pub mod forward_convolution;
+pub mod hot_pixels;
 pub mod jpeg;
 pub mod lens_model;
 pub mod level_norms;

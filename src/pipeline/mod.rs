@@ -6,6 +6,7 @@
 
 mod find_outliers;
 mod focus;
+mod hot_pixels;
 mod judging;
 mod methods;
 mod model_error;

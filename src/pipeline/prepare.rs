@@ -5,6 +5,7 @@
 //! | the camera's response curve undone | the operator is linear |
 //! | saturated pixels marked | a full pixel is only a lower bound |
 //! | raw sites divided by the sensor's gains, bad ones marked | the lens did not cause them |
+//! | hot pixels marked that the calibration does not know | no scene gives them |
 //! | placed on the canvas | light from outside the frame reaches the photo |
 //! | noise estimated | it sets the shrinkage; nothing else is tuned per photo |
 //! | sensor recognised by its gain pattern | photos of other cameras are returned |
@@ -21,6 +22,7 @@ use std::borrow::Cow;
 use std::sync::{Arc, OnceLock};
 
 use super::Pipeline;
+use super::hot_pixels::hot_note;
 use super::own_sensor::FoundPhoto;
 use super::photo_data::{PhotoData, Recorded};
 use super::raw_noise::{AVERAGED_MIN, plausible_noise};
@@ -84,6 +86,7 @@ impl Pipeline {
     ) -> Prepared<'a> {
         let mut prepared = self.place(photo, self.straighten(photo, None), channels, rect);
         self.mark_missing(&mut prepared.observation, SiteGains::reaches);
+        self.mark_hot_pixels(&mut prepared);
         fill_missing(&mut prepared.observation);
         let noise = prepared.observation.noise;
         self.find_focus(&mut prepared, &|c, light| {
@@ -160,10 +163,16 @@ impl Pipeline {
         let raw = raw.in_units_of(self.own_counts_per_level);
         let one_exposure = self.noise_at(&raw);
         let (raw, note) = plausible_noise(raw, &one_exposure);
-        let even = self.evened(photo, &raw, rect);
+        let mut even = self.evened(photo, &raw, rect);
+        let hot = self.patch_hot_sites(&mut even, &raw);
         let mut prepared = self.place(photo, even, Channels::Colour, rect);
+        prepared.notes.extend(hot_note(hot.len()));
         prepared.notes.extend(note);
         self.mark_missing(&mut prepared.observation, SiteGains::is_bad);
+        for hot in hot {
+            let trust = prepared.observation.trust.plane_mut(raw.mosaic.colour_at(hot.x, hot.y));
+            trust.set(rect.x + hot.x, rect.y + hot.y, MISSING);
+        }
         let mosaic = raw.mosaic.from_place(rect.x, rect.y);
         for channel in Channel::ALL {
             let plane = prepared.observation.trust.plane_mut(channel);

@@ -354,6 +354,33 @@ fn a_text_over_a_photo_is_an_outlier() {
 }
 
 #[test]
+fn hot_pixels_cost_little() {
+    let mut bed = Bed::new();
+    let solver = Digital::default();
+    let photo = bed.photo_of(&bed.coffee());
+    let is_hot = |x: usize, y: usize| x % 19 == 7 && y % 17 == 5;
+    let hot = Frame::from_fn(|c| {
+        let light = photo.plane(c);
+        Plane::from_fn(light.size(), |x, y| {
+            let own = if is_hot(x, y) && x % 3 == c.index() { 90.0 } else { 0.0 };
+            (light.at(x, y) + own).min(255.0)
+        })
+    });
+    let [sound, mended] = [(&photo, 0), (&hot, 1)].map(|(photo, notes)| {
+        let prepared = bed.pipeline.prepare(PhotoData::developed(photo, Channels::Colour));
+        assert_eq!(prepared.notes.len(), notes, "{:?}", prepared.notes);
+        bed.restore_prepared(&prepared, &solver)
+    });
+    assert_eq!(mended.verdict, Verdict::Sound, "{}", mended.reason);
+    for c in Channel::ALL {
+        let mut off = mended.picture.plane(c).clone();
+        off.add_scaled(-1.0, sound.picture.plane(c));
+        // Without the search for them 8 to 10 grey levels.
+        assert!(off.rms() < 7.0, "{c:?}: {}", off.rms());
+    }
+}
+
+#[test]
 fn what_is_full_of_white_pixels_is_judged_all_the_same() {
     let mut bed = Bed::new();
     let (tone, size) = (Tone::of_curve(bed.config.photo.curve, 8), bed.config.photo.size());
