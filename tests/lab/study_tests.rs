@@ -101,7 +101,7 @@ fn with_one_grey_level_of_noise_the_default_beats_the_paper_with_a_tenth_of_its_
 }
 
 #[test]
-#[ignore = "a minute: the gate runs it"]
+#[ignore = "minutes: the long gate runs it"]
 fn block_matching_reaches_what_no_wavelet_does_with_two_captures() {
     let mut test_rig = test_rig(&NOTHING, 0.0);
     let solver = named(&test_rig, config::MethodName::BlockMatching);
@@ -149,7 +149,7 @@ fn with_veiling_glare_one_capture_reaches_what_the_study_s_does() {
 }
 
 #[test]
-#[ignore = "a minute: the gate runs it"]
+#[ignore = "minutes: the long gate runs it"]
 fn with_one_function_the_light_makes_up_for_the_poor_model() {
     let mut test_rig = test_rig(&ONE_FUNCTION, 0.0);
     let solver = named(&test_rig, config::MethodName::Digital);

@@ -247,7 +247,7 @@ fn the_default_rig_keeps_the_bounds_with_other_noise() {
 }
 
 #[test]
-#[ignore = "a minute: the gate runs it"]
+#[ignore = "minutes: the long gate runs it"]
 fn the_studys_rig_is_calibrated_without_a_checkerboard() {
     let config = load("study.toml");
     let Calibrated { mut rig, witness, calibration } = calibrated(&config);
