@@ -17,6 +17,8 @@ use crate::frame::{Channel, Plane, Size};
 const MARGIN: f32 = 4.0;
 /// Noise σ by which the excess of a hot pixel is higher at least. Guess.
 const NOISES: f32 = 5.0;
+/// Rank of the median of eight, from 0.
+const MEDIAN: usize = 4;
 
 /// A pixel that no scene explains.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -48,10 +50,10 @@ impl IsolationLimits {
             let image = Plane::from_fn(Size::new(wide, wide), |x, y| {
                 inner(x).zip(inner(y)).map_or(0.0, |(x, y)| taps[y * side + x])
             });
-            let excess = excess(&image, apart);
+            let excess = Plane::from_fn(image.size(), |x, y| excess(&image, x, y, apart));
             let order = |&a: &usize, &b: &usize| excess.data()[a].total_cmp(&excess.data()[b]);
             let peak = (0..wide * wide).max_by(order).unwrap_or(0);
-            MARGIN * excess.data()[peak] / around(&excess, peak % wide, peak / wide)
+            MARGIN * excess.data()[peak] / around(&image, peak % wide, peak / wide, apart)
         };
         let limits = functions.taps[channel.index()].chunks_exact(side * side).map(limit).collect();
         IsolationLimits { grid: Size::new(functions.columns, functions.rows), photo, limits }
@@ -73,47 +75,46 @@ pub fn hot_pixels(
     limit: impl Fn(usize, usize) -> f32 + Sync,
     noise: impl Fn(usize, usize, f32) -> f32 + Sync,
 ) -> Vec<HotPixel> {
-    let excess = excess(plane, apart);
     let inner = |end: usize| 2 * apart..end.saturating_sub(2 * apart);
     let rows = inner(plane.height()).into_par_iter().flat_map_iter(|y| {
-        let (excess, limit, noise) = (&excess, &limit, &noise);
+        let (limit, noise) = (&limit, &noise);
         inner(plane.width()).filter_map(move |x| {
-            let own = excess.at(x, y);
-            if own <= 0.0 {
+            let here = plane.at(x, y);
+            // Most pixels end here. Noise is lowest in the dark.
+            let least = here - NOISES * noise(x, y, 0.0);
+            let near = beside(x, y, apart).into_iter();
+            let dimmer = near.filter(|&(u, v)| plane.at(u, v) < least);
+            if dimmer.count() <= MEDIAN {
                 return None;
             }
-            let surroundings = plane.at(x, y) - own;
+            let own = excess(plane, x, y, apart);
+            let surroundings = here - own;
             let rest = own - NOISES * noise(x, y, surroundings);
-            let is_hot = rest > 0.0 && rest > limit(x, y) * around(excess, x, y);
+            let is_hot = rest > 0.0 && rest > limit(x, y) * around(plane, x, y, apart);
             is_hot.then_some(HotPixel { x, y, surroundings })
         })
     });
     rows.collect()
 }
 
-/// Value of each pixel minus the median of the eight at distance `apart`; zero where one of them is
-/// beyond the border.
-fn excess(plane: &Plane, apart: usize) -> Plane {
-    let Size { width, height } = plane.size();
-    let mut excess = Plane::zeros(plane.size());
-    let rows = excess.data_mut().par_chunks_mut(width.max(1)).enumerate();
-    rows.filter(|&(y, _)| y >= apart && y + apart < height).for_each(|(y, row)| {
-        let inner = row.iter_mut().enumerate().take(width.saturating_sub(apart)).skip(apart);
-        for (x, excess) in inner {
-            let mut values = beside(x, y, apart).map(|(u, v)| plane.at(u, v));
-            values.sort_unstable_by(f32::total_cmp);
-            *excess = plane.at(x, y) - values[4];
-        }
-    });
-    excess
+/// Value of the pixel (`x`, `y`) minus the median of the eight at distance `apart`; zero where one
+/// of them is beyond the border.
+fn excess(plane: &Plane, x: usize, y: usize, apart: usize) -> f32 {
+    let inner = |at: usize, end: usize| at >= apart && at + apart < end;
+    if !inner(x, plane.width()) || !inner(y, plane.height()) {
+        return 0.0;
+    }
+    let mut values = beside(x, y, apart).map(|(u, v)| plane.at(u, v));
+    values.sort_unstable_by(f32::total_cmp);
+    plane.at(x, y) - values[MEDIAN]
 }
 
-/// Second-largest magnitude of the eight pixels at distance 1 from (`x`, `y`) and of the eight at
-/// distance 2; one of them may be hot, too.
-fn around(excess: &Plane, x: usize, y: usize) -> f32 {
+/// Second-largest magnitude of the excess of the eight pixels at distance 1 from (`x`, `y`) and of
+/// the eight at distance 2; one of them may be hot, too.
+fn around(plane: &Plane, x: usize, y: usize, apart: usize) -> f32 {
     let (mut largest, mut second) = (0.0f32, 0.0f32);
     for (u, v) in beside(x, y, 1).into_iter().chain(beside(x, y, 2)) {
-        let magnitude = excess.at(u, v).abs();
+        let magnitude = excess(plane, u, v, apart).abs();
         second = second.max(magnitude.min(largest));
         largest = largest.max(magnitude);
     }

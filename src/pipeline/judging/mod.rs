@@ -2,9 +2,9 @@
 //!
 //! The witnesses of the [`table`] are evaluated twice: first for whether a result is suspect, which
 //! costs little, and then, with the reference solution, for whether it harms. A harmful result is
-//! replaced by a solution of the measured lens alone: by that of `digital` or, if that also harms, by
-//! the reference solution. The photo itself is returned if no scene gives it
-//! through the measured lens, even without its outliers, or if noise hides what the lens did.
+//! replaced by a solution of the measured lens alone: by that of `digital` or, if that also harms,
+//! by the reference solution. The photo itself is returned if no scene gives it through the
+//! measured lens, even without its outliers, or if noise hides what the lens did.
 
 mod distance;
 mod evidence;
