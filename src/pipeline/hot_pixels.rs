@@ -3,6 +3,7 @@
 use std::borrow::Cow;
 
 use super::Pipeline;
+use super::setting::counted;
 use super::stages::Prepared;
 use crate::deconvolution::data_term::MISSING;
 use crate::deconvolution::hot_pixels::{HotPixel, IsolationLimits, hot_pixels};
@@ -58,9 +59,7 @@ impl Pipeline {
 /// Note on a photo with `count` hot pixels; none without any.
 pub(super) fn hot_note(count: usize) -> Option<String> {
     (count > 0).then(|| {
-        format!(
-            "{count} pixels are brighter than any point through this lens, as hot pixels of a \
-             sensor are; the photo is restored without them"
-        )
+        let hot = counted(count, "hot pixel");
+        format!("restored without {hot}, brighter than any point of light through this lens")
     })
 }
