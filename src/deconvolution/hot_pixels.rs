@@ -9,7 +9,7 @@
 use rayon::prelude::*;
 
 use super::lens_model::LensFunctions;
-use crate::frame::{Channel, Plane, Size};
+use crate::frame::{Channel, Plane, Rect, Size};
 
 /// Isolation of a hot pixel over that of the image of a point. Set on `truthful.toml` and
 /// `simulated.toml` without hot pixels: at 3, sites on the astronaut's saturated red are taken for
@@ -31,17 +31,17 @@ pub struct HotPixel {
     pub surroundings: f32,
 }
 
-/// Limits on isolation over a photo, one for each lens function.
+/// Limits on isolation over a lens's field, one for each lens function.
 pub struct IsolationLimits {
     grid: Size,
-    photo: Size,
+    field: Rect,
     limits: Vec<f32>,
 }
 
 impl IsolationLimits {
-    /// The limits for `channel` of a `photo` behind the lens `functions`, if pixels of one colour
-    /// are `apart` from each other.
-    pub fn new(functions: &LensFunctions, photo: Size, channel: Channel, apart: usize) -> Self {
+    /// The limits for `channel` behind the lens `functions`, which are spread over the `field`, if
+    /// pixels of one colour are `apart` from each other.
+    pub fn new(functions: &LensFunctions, field: Rect, channel: Channel, apart: usize) -> Self {
         let side = functions.support_px;
         let limit = |taps: &[f32]| {
             let border = 3 * apart;
@@ -56,13 +56,17 @@ impl IsolationLimits {
             MARGIN * excess.data()[peak] / around(&image, peak % wide, peak / wide, apart)
         };
         let limits = functions.taps[channel.index()].chunks_exact(side * side).map(limit).collect();
-        IsolationLimits { grid: Size::new(functions.columns, functions.rows), photo, limits }
+        IsolationLimits { grid: Size::new(functions.columns, functions.rows), field, limits }
     }
 
-    /// The limit at (`x`, `y`) of the photo: that of the nearest function.
+    /// The limit at (`x`, `y`) of the canvas: that of the nearest function.
     pub fn at(&self, x: usize, y: usize) -> f32 {
-        let Size { width, height } = self.photo;
-        self.limits[y * self.grid.height / height * self.grid.width + x * self.grid.width / width]
+        let nearest = |at: usize, first: usize, side: usize, count: usize| {
+            (at.saturating_sub(first) * count / side).min(count - 1)
+        };
+        let Rect { x: left, y: top, size } = self.field;
+        let column = nearest(x, left, size.width, self.grid.width);
+        self.limits[nearest(y, top, size.height, self.grid.height) * self.grid.width + column]
     }
 }
 
@@ -158,7 +162,8 @@ mod tests {
     }
 
     fn found(functions: &LensFunctions, photo: &Plane, apart: usize) -> Vec<(usize, usize)> {
-        let limits = IsolationLimits::new(functions, PHOTO, Channel::Green, apart);
+        let field = Rect { x: 0, y: 0, size: PHOTO };
+        let limits = IsolationLimits::new(functions, field, Channel::Green, apart);
         let hot = hot_pixels(photo, apart, |x, y| limits.at(x, y), |_, _, _| NOISE);
         hot.iter().map(|hot| (hot.x, hot.y)).collect()
     }

@@ -10,17 +10,19 @@ use crate::deconvolution::hot_pixels::{HotPixel, IsolationLimits, hot_pixels};
 use crate::frame::{Channel, Frame, Plane, RawSites, Rect, Work};
 
 impl Pipeline {
-    /// Replaces the hot sites of `even`, a raw photo, by their surroundings, and returns them.
+    /// Replaces the hot sites of `even`, a raw photo at `rect` of the canvas, by their
+    /// surroundings, and returns them.
     pub(super) fn patch_hot_sites(
         &self,
         even: &mut Cow<'_, Frame<Work>>,
         raw: &RawSites,
+        rect: Rect,
     ) -> Vec<HotPixel> {
         let colour = |x: usize, y: usize| raw.mosaic.colour_at(x, y);
-        let (functions, own) = (self.lens.model.functions(), self.noise_at(raw));
-        let limits = Channel::ALL.map(|c| IsolationLimits::new(functions, even.size(), c, 2));
+        let own = self.noise_at(raw);
+        let limits = Channel::ALL.map(|c| self.isolation_limits(c, 2));
         let mut sites = Plane::from_fn(even.size(), |x, y| even.plane(colour(x, y)).at(x, y));
-        let limit = |x, y| limits[colour(x, y).index()].at(x, y);
+        let limit = |x, y| limits[colour(x, y).index()].at(rect.x + x, rect.y + y);
         let noise = |x, y, light| own[colour(x, y).index()].sigma(light);
         let hot = hot_pixels(&sites, 2, limit, noise);
         if !hot.is_empty() {
@@ -34,15 +36,15 @@ impl Pipeline {
     /// interpolated from them.
     pub(super) fn mark_hot_pixels(&self, photo: &mut Prepared<'_>) {
         let observation = &mut photo.observation;
-        let Rect { x: left, y: top, size } = observation.rect;
+        let Rect { x: left, y: top, .. } = observation.rect;
         let reach = usize::from(observation.sampling.interpolated().is_some());
         let mut count = 0;
         for &c in observation.channels.list() {
-            let limits = IsolationLimits::new(self.lens.model.functions(), size, c, 1);
+            let limits = self.isolation_limits(c, 1);
             let (mean, own) = (observation.noise[c.index()], &self.noise[c.index()]);
             let noise = |_, _, light: f32| mean.max(own.sigma(light));
             let light = observation.light.plane(c).crop(observation.rect);
-            let hot = hot_pixels(&light, 1, |x, y| limits.at(x, y), noise);
+            let hot = hot_pixels(&light, 1, |x, y| limits.at(left + x, top + y), noise);
             count += hot.len();
             let trust = observation.trust.plane_mut(c);
             for HotPixel { x, y, .. } in hot {
@@ -53,6 +55,11 @@ impl Pipeline {
             }
         }
         photo.notes.extend(hot_note(count));
+    }
+
+    fn isolation_limits(&self, channel: Channel, apart: usize) -> IsolationLimits {
+        let lens = &self.lens.model;
+        IsolationLimits::new(lens.functions(), lens.field(), channel, apart)
     }
 }
 

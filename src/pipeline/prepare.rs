@@ -164,7 +164,7 @@ impl Pipeline {
         let one_exposure = self.noise_at(&raw);
         let (raw, note) = plausible_noise(raw, &one_exposure);
         let mut even = self.evened(photo, &raw, rect);
-        let hot = self.patch_hot_sites(&mut even, &raw);
+        let hot = self.patch_hot_sites(&mut even, &raw, rect);
         let mut prepared = self.place(photo, even, Channels::Colour, rect);
         prepared.notes.extend(hot_note(hot.len()));
         prepared.notes.extend(note);
