@@ -11,9 +11,9 @@ use rayon::prelude::*;
 use super::lens_model::LensFunctions;
 use crate::frame::{Channel, Plane, Rect, Size};
 
-/// Isolation of a hot pixel over that of the image of a point. Set on `truthful.toml` and
-/// `simulated.toml` without hot pixels: at 3, sites on the astronaut's saturated red are taken for
-/// hot ones, at 4 none.
+/// Isolation of a hot pixel over that of the image of a point. Set on two photographs without hot
+/// pixels (`truthful.toml`, `simulated.toml`): at 3, sites on the astronaut's saturated red are
+/// taken for hot ones, at 4 none.
 const MARGIN: f32 = 4.0;
 /// Noise σ by which the excess of a hot pixel is higher at least. Guess.
 const NOISES: f32 = 5.0;
@@ -50,10 +50,15 @@ impl IsolationLimits {
             let image = Plane::from_fn(Size::new(wide, wide), |x, y| {
                 inner(x).zip(inner(y)).map_or(0.0, |(x, y)| taps[y * side + x])
             });
-            let excess = Plane::from_fn(image.size(), |x, y| excess(&image, x, y, apart));
-            let order = |&a: &usize, &b: &usize| excess.data()[a].total_cmp(&excess.data()[b]);
-            let peak = (0..wide * wide).max_by(order).unwrap_or(0);
-            MARGIN * excess.data()[peak] / around(&image, peak % wide, peak / wide, apart)
+            let (mut most, mut limit) = (0.0f32, f32::INFINITY);
+            for (x, y) in (0..wide * wide).map(|at| (at % wide, at / wide)) {
+                // Taps are hardly negative, so no excess is higher than the value itself.
+                if image.at(x, y) > most && excess(&image, x, y, apart) > most {
+                    most = excess(&image, x, y, apart);
+                    limit = MARGIN * most / around(&image, x, y, apart);
+                }
+            }
+            limit
         };
         let limits = functions.taps[channel.index()].chunks_exact(side * side).map(limit).collect();
         IsolationLimits { grid: Size::new(functions.columns, functions.rows), field, limits }
