@@ -149,15 +149,17 @@ fn measure_noise(functions: &LensFunctions, photo: &FocusData<'_>, times: f32) -
 }
 
 /// Factors on the sensor's noise power without light and on that of the light which explain the
-/// `tiles`: least squares, relative to each tile's power. A higher gain raises the first more.
+/// `tiles`: least squares, relative to the sensor's power in each tile, as relative to the measured
+/// power low ones would outweigh high ones. A higher gain raises the first factor more.
 fn fit_factors(tiles: &[TileNoise]) -> Option<[f32; 2]> {
     let (mut own, mut found) = ([[0.0f32; 2]; 2], [0.0f32; 2]);
     for TileNoise { own: [black, light], found: power } in tiles {
-        let share = [black / power, light / power];
+        let sum = black + light;
+        let (share, power) = ([black / sum, light / sum], power / sum);
         for (n, m) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
             own[n][m] += share[n] * share[m];
         }
-        (found[0], found[1]) = (found[0] + share[0], found[1] + share[1]);
+        (found[0], found[1]) = (found[0] + share[0] * power, found[1] + share[1] * power);
     }
     let determinant = own[0][0] * own[1][1] - own[0][1] * own[1][0];
     let both = [
