@@ -6,6 +6,7 @@ use crate::nights::trust::unix_s;
 use crate::rig::{Clock, Moment};
 
 /// Monotonic clock and calendar.
+#[derive(Clone, Copy)]
 pub(super) struct Clocks<'a> {
     pub(super) clock: &'a dyn Clock,
     pub(super) calendar: &'a dyn Fn() -> SystemTime,

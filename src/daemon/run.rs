@@ -7,9 +7,9 @@ use std::time::SystemTime;
 use super::clocks::Clocks;
 use super::error::DaemonError;
 use super::job::{Job, JobEnd, Unsettled};
+use super::report::Reporter;
 use super::report::state::Doing;
 use super::report::summary::Summary;
-use super::report::{Reporter, Snapshot};
 use super::schedule::{Event, Question, Schedule, Turn};
 use super::setting::DaemonSetting;
 use super::store::claim::flat_name;
@@ -63,7 +63,7 @@ pub struct Daemon<'a> {
     inbox: Inbox,
     unsettled: Unsettled,
     late: LateWrites,
-    reporter: Reporter,
+    reporter: Reporter<'a>,
 }
 
 impl<'a> Daemon<'a> {
@@ -76,15 +76,16 @@ impl<'a> Daemon<'a> {
         calendar: &'a dyn Fn() -> SystemTime,
         watcher: &'a mut dyn Watcher,
     ) -> Result<Daemon<'a>, DaemonError> {
+        let clocks = Clocks { clock, calendar };
         Ok(Daemon {
             restorer,
-            clocks: Clocks { clock, calendar },
+            clocks,
             watcher,
             schedule: Box::new(()),
             inbox: Inbox::new(if setting.hints { Hints::new() } else { Hints::default() }),
             unsettled: Unsettled::default(),
             late: LateWrites::default(),
-            reporter: Reporter::open(&folders, &setting.rig, setting.needs_button)?,
+            reporter: Reporter::open(&folders, &setting, clocks)?,
             folders,
             setting,
         })
@@ -111,18 +112,18 @@ impl<'a> Daemon<'a> {
             trusted_unix_s: Some(self.clocks.unix_s()),
         };
         let passed = self.pass(patience, f64::INFINITY, stop);
-        let shown = self.show_gallery();
+        let shown = self.reporter.write_gallery(&self.inbox);
         self.set_doing(match &passed {
             Ok(_) => Doing::Ended,
             Err(error) => Doing::Held { reason: full_message(error) },
         });
-        passed.and(shown)?;
-        Ok(self.summary())
+        passed?;
+        shown?;
+        Ok(self.reporter.summary(&self.inbox))
     }
 
     /// Watches the inbox until `stop`, which is called between photos and scans, returns true.
-    /// After an error, which is logged once, work is held and tried again. The summary holds the
-    /// last thousand photos of each kind.
+    /// After an error, which is logged once, work is held and tried again.
     pub fn run(&mut self, stop: &dyn Fn() -> bool) -> Summary {
         let patience = Patience {
             quiet_s: self.setting.quiet_s,
@@ -159,7 +160,7 @@ impl<'a> Daemon<'a> {
                         self.set_doing(Doing::Waiting);
                     }
                     self.watcher.scanned();
-                    self.update_waiting();
+                    self.reporter.update_waiting(&self.inbox);
                     self.wait_for_photos(stop);
                     continue;
                 }
@@ -174,13 +175,13 @@ impl<'a> Daemon<'a> {
                 self.set_doing(doing.clone());
                 held = Some(doing);
             }
-            self.update_waiting();
+            self.reporter.update_waiting(&self.inbox);
             self.watcher.scanned();
             self.wait(wait_s, stop);
         }
         self.try_to_show_gallery();
         self.set_doing(Doing::Ended);
-        self.summary()
+        self.reporter.summary(&self.inbox)
     }
 
     /// Restores ready photos until there are none or the schedule holds them; returns its last
@@ -212,7 +213,7 @@ impl<'a> Daemon<'a> {
             }
         };
         if pass.number > 0 || self.reporter.stale {
-            self.show_gallery()?;
+            self.reporter.write_gallery(&self.inbox)?;
         }
         if pass.number > 0 {
             self.set_doing(Doing::Waiting);
@@ -273,8 +274,8 @@ impl<'a> Daemon<'a> {
             let end = self.work(&path, refusal, pass.number, of)?;
             pass.newest_next &= !matches!(end, JobEnd::Done { .. });
             self.note(&path, end, pass.retry_s);
-            if self.reporter.is_due(self.clocks.moment()) {
-                self.show_gallery()?;
+            if self.reporter.is_due() {
+                self.reporter.write_gallery(&self.inbox)?;
             }
         }
     }
@@ -348,20 +349,18 @@ impl<'a> Daemon<'a> {
         self.watcher.begun(photo, number, of);
         self.schedule.notify(Event::Begun { photo, number, of }, &mut *self.restorer);
         let (begun, usual_s) = (self.clocks.moment(), self.reporter.gallery.usual_s());
-        let (mut written, snapshot) = (begun, self.snapshot());
+        let mut written = begun;
         let report_number = self.reporter.gallery.next_number();
         let mut on_progress = |progress: Progress| {
-            let (moment, unix_s) = (self.clocks.moment(), self.clocks.unix_s());
+            let moment = self.clocks.moment();
             if moment.0 - written.0 < PROGRESS_S {
                 return;
             }
             written = moment;
             let (done, passed_s) = (f64::from(progress.done).clamp(0.0, 1.0), moment.0 - begun.0);
             let whole_s = usual_s.unwrap_or(passed_s / done.max(0.01)).max(passed_s);
-            let remaining_s = whole_s * (1.0 - done + snapshot.waiting.turn as f64);
-            let snapshot = Snapshot { moment, unix_s, ..snapshot.clone() };
-            let doing = restoring(done, Some(remaining_s));
-            self.reporter.set_doing(&self.folders, doing, &snapshot);
+            let remaining_s = whole_s * (1.0 - done + self.inbox.waiting.turn as f64);
+            self.reporter.set_doing(restoring(done, Some(remaining_s)), self.inbox.waiting);
         };
         let job = Job {
             on_progress: &mut on_progress,
@@ -412,36 +411,15 @@ impl<'a> Daemon<'a> {
         Ok(())
     }
 
-    fn summary(&self) -> Summary {
-        self.reporter.summary(self.inbox.deferred(), self.inbox.waiting)
-    }
-
-    /// Writes the numbers of waiting photos if they have changed.
-    fn update_waiting(&mut self) {
-        let snapshot = self.snapshot();
-        self.reporter.update_waiting(&self.folders, &snapshot);
-    }
-
-    fn snapshot(&self) -> Snapshot {
-        let (moment, unix_s) = (self.clocks.moment(), self.clocks.unix_s());
-        Snapshot { deferred: self.inbox.deferred(), waiting: self.inbox.waiting, moment, unix_s }
-    }
-
-    fn show_gallery(&mut self) -> Result<(), DaemonError> {
-        let snapshot = self.snapshot();
-        Ok(self.reporter.write_gallery(&self.folders, &snapshot)?)
-    }
-
     fn try_to_show_gallery(&mut self) {
-        if let Err(error) = self.show_gallery() {
+        if let Err(error) = self.reporter.write_gallery(&self.inbox) {
             log::warn!("{}", full_message(&error));
         }
     }
 
     fn set_doing(&mut self, doing: Doing) {
         self.watcher.doing(&doing);
-        let snapshot = self.snapshot();
-        self.reporter.set_doing(&self.folders, doing, &snapshot);
+        self.reporter.set_doing(doing, self.inbox.waiting);
     }
 
     /// Waits until the next scan of the inbox is due, a file will have been quiet for long enough,

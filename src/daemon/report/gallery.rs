@@ -2,7 +2,7 @@
 //!
 //! The pictures are files beside the page, loaded when scrolled into view.
 
-use std::collections::{HashMap, HashSet};
+use std::collections::HashSet;
 use std::ffi::{OsStr, OsString};
 use std::path::Path;
 
@@ -29,12 +29,12 @@ pub const SCENES: &str = "scenes";
 
 #[derive(Debug, Default)]
 pub(crate) struct Gallery {
-    reports: Vec<Report>,
+    pub(super) reports: Vec<Report>,
+    /// Largest number of a report since loading.
+    last_number: u64,
     pub(super) failed: Vec<Failed>,
     /// Numbers of photos waiting in the inbox.
     pub(crate) waiting: Waiting,
-    /// Names of the originals in `done`, by the name of the result.
-    originals: HashMap<String, OsString>,
     /// Checksums of the photo pages as written.
     written: Vec<u32>,
     /// Number of the last photo page on the disk.
@@ -55,7 +55,7 @@ impl Gallery {
                 continue;
             }
             match files.read_json::<Report>(&path).ok().flatten() {
-                Some(report) => gallery.add(&report),
+                Some(report) => gallery.add(report),
                 None => log::warn!(
                     "{} is not a report of relens, skipped in the gallery",
                     path.display()
@@ -76,17 +76,14 @@ impl Gallery {
         Ok(gallery)
     }
 
-    pub(crate) fn add(&mut self, report: &Report) {
+    pub(crate) fn add(&mut self, report: Report) {
+        self.last_number = self.last_number.max(report.number);
         // The iterations stay in the report's file, to save memory.
-        let mut report = report.clone();
-        report.iterations = Vec::new();
-        // If the name was used before, that original is another photo's.
-        self.originals.remove(&report.result);
-        self.reports.push(report);
+        self.reports.push(Report { iterations: Vec::new(), ..report });
     }
 
     pub(crate) fn next_number(&self) -> u64 {
-        self.reports.iter().map(|report| report.number).max().unwrap_or(0) + 1
+        self.last_number + 1
     }
 
     pub(crate) fn remove(&mut self, result: &str) {
@@ -105,34 +102,6 @@ impl Gallery {
         let last = &self.reports[self.reports.len().saturating_sub(USUAL)..];
         let seconds = last.iter().map(|report| report.seconds).sum::<f64>();
         (!last.is_empty()).then(|| seconds / last.len() as f64)
-    }
-
-    /// Finds the originals in `done`: under the photo's name or the result's, whichever file has
-    /// the photo's length.
-    fn find_originals(&mut self, folders: &Folders) {
-        let (files, done) = (&folders.files, &folders.done);
-        let found: HashSet<OsString> =
-            files.list(done).unwrap_or_default().into_iter().map(|(name, _)| name).collect();
-        self.originals.retain(|_, name| found.contains(name));
-        for report in &self.reports {
-            if self.originals.contains_key(&report.result) {
-                continue;
-            }
-            let names = [&report.photo, &report.result].map(OsString::from);
-            let matches = |name: &OsString| {
-                found.contains(name)
-                    && files.metadata(&done.join(name)).is_ok_and(|l| l.size == report.photo_bytes)
-            };
-            if let Some(name) = names.into_iter().find(matches) {
-                self.originals.insert(report.result.clone(), name);
-            }
-        }
-    }
-
-    /// Address of the original relative to the outbox, if it still exists.
-    fn original(&self, report: &Report) -> Option<String> {
-        let name = self.originals.get(&report.result)?;
-        Some(format!("../done/{}", address(name)))
     }
 
     /// Interval between two writes while photos are being restored, seconds; it grows with the
@@ -156,12 +125,15 @@ impl Gallery {
         let found = files.list(outbox)?;
         let found: HashSet<_> = found.iter().map(|(name, _)| name.to_string_lossy()).collect();
         self.reports.retain(|report| found.contains(&*report.result));
-        self.find_originals(folders);
-        let scenes = scenes(folders);
+        let names = |folder: &Path| -> HashSet<OsString> {
+            files.list(folder).unwrap_or_default().into_iter().map(|(name, _)| name).collect()
+        };
+        let (done, scenes) = (names(&folders.done), names(&folders.root.join(SCENES)));
         // Pages show the newest photo first.
         let shown: Vec<GalleryPhoto<'_>> = (self.reports.iter().enumerate().rev())
             .map(|(number, report)| {
-                let (original, scene) = (self.original(report), scene_address(report, &scenes));
+                let original = original_address(report, folders, &done);
+                let scene = scene_address(report, &scenes);
                 GalleryPhoto { report, number, original, scene }
             })
             .collect();
@@ -182,9 +154,20 @@ impl Gallery {
     }
 }
 
-fn scenes(folders: &Folders) -> HashSet<OsString> {
-    let found = folders.files.list(&folders.root.join(SCENES)).unwrap_or_default();
-    found.into_iter().map(|(name, _)| name).collect()
+/// Address of the original relative to the outbox, if it still exists: under the photo's name or
+/// the result's, whichever of the files `done` has the photo's length.
+fn original_address(
+    report: &Report,
+    folders: &Folders,
+    done: &HashSet<OsString>,
+) -> Option<String> {
+    let has_length = |name: &OsString| {
+        let found = folders.files.metadata(&folders.done.join(name));
+        found.is_ok_and(|found| found.size == report.photo_bytes)
+    };
+    let mut names = [&report.photo, &report.result].map(OsString::from).into_iter();
+    let name = names.find(|name| done.contains(name) && has_length(name))?;
+    Some(format!("../done/{}", address(&name)))
 }
 
 /// Address of the scene of a photo, if it is among `scenes`.

@@ -54,7 +54,7 @@ pub(super) fn report(n: u64) -> Report {
 /// Adds a photo whose result is in the outbox.
 fn add(gallery: &mut Gallery, folders: &Folders, report: &Report) {
     std::fs::write(folders.outbox.join(&report.result), "").unwrap();
-    gallery.add(report);
+    gallery.add(report.clone());
 }
 
 /// Writes an outbox with `count` photos and two failures; the previews are blue (before) and red
@@ -125,7 +125,7 @@ fn originals_and_scenes_are_found() {
     assert!(index.contains("href=\"../done/photo%200001.jpg\" download"));
     // The name is used again by a photo without an original.
     gallery.remove(&report(1).result);
-    gallery.add(&Report { photo_bytes: 2, ..report(1) });
+    gallery.add(Report { photo_bytes: 2, ..report(1) });
     gallery.write(&folders, "small", &[], 0).unwrap();
     let index = std::fs::read_to_string(folders.outbox.join("index.html")).unwrap();
     assert!(!index.contains("Download original"));
