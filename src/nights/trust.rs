@@ -10,8 +10,8 @@ pub fn unix_s(time: SystemTime) -> f64 {
     time.duration_since(UNIX_EPOCH).map_or(0.0, |since| since.as_secs_f64())
 }
 
-/// Smallest jump of the calendar against the monotonic clock that is reported, seconds.
-pub(crate) const JUMP_S: f64 = 60.0;
+/// Seconds by which a battery clock may be set back.
+const SET_BACK_S: f64 = 60.0;
 
 /// Judges whether the calendar can be trusted.
 #[derive(Debug, Clone)]
@@ -19,15 +19,13 @@ pub struct Calendar {
     source: ClockSource,
     /// Latest trusted time, seconds since 1970 UTC.
     pub(crate) floor_unix_s: f64,
-    /// Last reading: monotonic clock and calendar, seconds.
-    last: Option<(f64, f64)>,
 }
 
 /// Trust in a reading of the calendar.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Trust {
-    /// The time is trusted. Holds the jump of the calendar since the last reading, seconds, if any.
-    Trusted(Option<f64>),
+    /// The time is trusted.
+    Trusted,
     /// The clock was not set since the box was switched on.
     NotSet,
     /// The time is before the latest trusted one.
@@ -37,23 +35,19 @@ pub enum Trust {
 impl Calendar {
     /// A calendar set by `source`, trusted last at `floor_unix_s`.
     pub fn new(source: ClockSource, floor_unix_s: f64) -> Calendar {
-        Calendar { source, floor_unix_s, last: None }
+        Calendar { source, floor_unix_s }
     }
 
-    /// Judges `unix_s`, read at the monotonic time `now_s`; `set` is whether the kernel reports its
-    /// clock as synchronised.
-    pub fn judge(&mut self, unix_s: f64, now_s: f64, set: bool) -> Trust {
-        let jumped_s = self.last.map(|(then_s, then_unix)| (unix_s - then_unix) - (now_s - then_s));
-        self.last = Some((now_s, unix_s));
-        let jumped_s = jumped_s.filter(|jump| jump.abs() > JUMP_S);
+    /// Judges `unix_s`; `set` is whether the kernel reports its clock as synchronised.
+    pub fn judge(&mut self, unix_s: f64, set: bool) -> Trust {
         self.floor_unix_s = match self.source {
             // Trusted even when the network sets it back: then the floor was wrong.
             _ if set => unix_s,
             ClockSource::Network => return Trust::NotSet,
-            ClockSource::Battery if unix_s + JUMP_S < self.floor_unix_s => return Trust::Past,
+            ClockSource::Battery if unix_s + SET_BACK_S < self.floor_unix_s => return Trust::Past,
             ClockSource::Battery => self.floor_unix_s.max(unix_s),
         };
-        Trust::Trusted(jumped_s)
+        Trust::Trusted
     }
 }
 
@@ -64,35 +58,22 @@ mod tests {
     #[test]
     fn without_a_battery_only_a_set_clock_is_trusted() {
         let mut calendar = Calendar::new(ClockSource::Network, 1000.0);
-        assert_eq!(calendar.judge(500.0, 0.0, false), Trust::NotSet);
-        assert_eq!(calendar.judge(5000.0, 1.0, false), Trust::NotSet);
-        assert_eq!(calendar.judge(9000.0, 2.0, true), Trust::Trusted(Some(3999.0)));
-        assert_eq!(calendar.judge(9001.0, 3.0, true), Trust::Trusted(None));
+        assert_eq!(calendar.judge(500.0, false), Trust::NotSet);
+        assert_eq!(calendar.judge(5000.0, false), Trust::NotSet);
+        assert_eq!(calendar.judge(9000.0, true), Trust::Trusted);
+        assert_eq!(calendar.judge(9001.0, true), Trust::Trusted);
         assert_eq!(calendar.floor_unix_s, 9001.0);
     }
 
     #[test]
     fn with_a_battery_time_does_not_go_back_after_a_reboot() {
         let mut calendar = Calendar::new(ClockSource::Battery, 1e6);
-        assert_eq!(calendar.judge(10.0, 0.0, false), Trust::Past);
-        assert_eq!(calendar.judge(1e6 + 5.0, 1.0, false), Trust::Trusted(Some(1e6 - 6.0)));
-        assert_eq!(calendar.judge(1e6 - 90_000.0, 2.0, false), Trust::Past);
-        let year_s = 366.0 * 86_400.0;
-        assert_eq!(
-            calendar.judge(1e6 + year_s, 2.0, false),
-            Trust::Trusted(Some(year_s + 90_000.0))
-        );
-        assert_eq!(calendar.judge(1e6, 2.0, false), Trust::Past);
-        assert_eq!(calendar.judge(1e6, 2.0, true), Trust::Trusted(None), "the network has set it");
-        assert_eq!(calendar.judge(1e6, 2.0, false), Trust::Trusted(None));
-    }
-
-    #[test]
-    fn a_day_forward_and_back_are_reported_as_jumps() {
-        let mut calendar = Calendar::new(ClockSource::Network, 0.0);
-        calendar.judge(1e6, 0.0, true);
-        let day = 86_400.0;
-        assert_eq!(calendar.judge(1e6 + day, 0.0, true), Trust::Trusted(Some(day)));
-        assert_eq!(calendar.judge(1e6, 0.0, true), Trust::Trusted(Some(-day)));
+        assert_eq!(calendar.judge(10.0, false), Trust::Past);
+        assert_eq!(calendar.judge(1e6 + 5.0, false), Trust::Trusted);
+        assert_eq!(calendar.judge(1e6 - 90_000.0, false), Trust::Past);
+        assert_eq!(calendar.judge(1e6 + 366.0 * 86_400.0, false), Trust::Trusted);
+        assert_eq!(calendar.judge(1e6, false), Trust::Past);
+        assert_eq!(calendar.judge(1e6, true), Trust::Trusted, "the network has set it");
+        assert_eq!(calendar.judge(1e6, false), Trust::Trusted);
     }
 }

@@ -18,8 +18,8 @@ pub struct Window {
 #[derive(Debug, Clone, PartialEq)]
 #[allow(missing_docs)] // Fields are described with their variants.
 pub enum Hours {
-    /// Inside, with the seconds until the window closes; `None` for always.
-    Open { remaining_s: Option<f64> },
+    /// Inside.
+    Open,
     /// Outside, with the seconds until it opens, and words such as "the night begins at 22:00
     /// (Europe/Vienna)".
     Closed { opens_in_s: f64, words: String },
@@ -34,7 +34,7 @@ impl Window {
 
     /// Position of the time `unix_s`, seconds since 1970 UTC.
     pub fn at(&self, unix_s: f64) -> Hours {
-        let Some((from, to)) = self.minutes else { return Hours::Open { remaining_s: None } };
+        let Some((from, to)) = self.minutes else { return Hours::Open };
         let Ok(stamp) = Timestamp::from_millisecond((unix_s * 1e3) as i64) else {
             return self.closed(86_400.0, from);
         };
@@ -48,7 +48,7 @@ impl Window {
         let mut opens_in_s = f64::INFINITY;
         for (begins, ends) in each {
             if (begins..ends).contains(&unix_s) {
-                return Hours::Open { remaining_s: Some(ends - unix_s) };
+                return Hours::Open;
             }
             if begins > unix_s {
                 opens_in_s = opens_in_s.min(begins - unix_s);
@@ -98,7 +98,7 @@ mod tests {
     fn open_hours(window: &Window, from: &str, to: &str) -> f64 {
         let (from, to) = (unix(from), unix(to));
         let minutes = ((to - from) / 60.0) as usize;
-        let open = |n: &usize| matches!(window.at(from + 60.0 * *n as f64), Hours::Open { .. });
+        let open = |n: &usize| window.at(from + 60.0 * *n as f64) == Hours::Open;
         (0..minutes).filter(open).count() as f64 / 60.0
     }
 
@@ -112,14 +112,8 @@ mod tests {
                 words: "the night begins at 22:00 (Europe/Vienna)".into()
             }
         );
-        assert_eq!(
-            vienna.at(unix("2026-01-10T21:00:00Z")),
-            Hours::Open { remaining_s: Some(8.0 * 3600.0) }
-        );
-        assert_eq!(
-            vienna.at(unix("2026-01-11T04:59:00Z")),
-            Hours::Open { remaining_s: Some(60.0) }
-        );
+        assert_eq!(vienna.at(unix("2026-01-10T21:00:00Z")), Hours::Open);
+        assert_eq!(vienna.at(unix("2026-01-11T04:59:00Z")), Hours::Open);
         assert!(matches!(vienna.at(unix("2026-01-11T05:00:00Z")), Hours::Closed { .. }));
     }
 
@@ -128,10 +122,7 @@ mod tests {
         let vienna = window("22:00-06:00", "Europe/Vienna");
         assert_eq!(open_hours(&vienna, "2026-03-28T12:00:00Z", "2026-03-29T12:00:00Z"), 7.0);
         assert_eq!(open_hours(&vienna, "2026-10-24T12:00:00Z", "2026-10-25T12:00:00Z"), 9.0);
-        assert!(
-            matches!(vienna.at(unix("2026-03-29T03:59:00Z")), Hours::Open { .. }),
-            "05:59 local time"
-        );
+        assert_eq!(vienna.at(unix("2026-03-29T03:59:00Z")), Hours::Open, "05:59 local time");
         assert!(matches!(vienna.at(unix("2026-03-29T04:00:00Z")), Hours::Closed { .. }));
     }
 
@@ -149,11 +140,8 @@ mod tests {
     fn a_day_window_a_half_hour_zone_and_always() {
         let day = window("09:00-17:30", "Asia/Kolkata");
         assert_eq!(open_hours(&day, "2026-01-10T00:00:00Z", "2026-01-11T00:00:00Z"), 8.5);
-        assert!(
-            matches!(day.at(unix("2026-01-10T03:30:00Z")), Hours::Open { .. }),
-            "09:00 in Kolkata"
-        );
-        assert_eq!(window("always", "UTC").at(0.0), Hours::Open { remaining_s: None });
+        assert_eq!(day.at(unix("2026-01-10T03:30:00Z")), Hours::Open, "09:00 in Kolkata");
+        assert_eq!(window("always", "UTC").at(0.0), Hours::Open);
     }
 
     #[test]
@@ -162,7 +150,7 @@ mod tests {
         let mut at = unix("2026-03-27T00:00:00Z");
         while at < unix("2026-03-31T00:00:00Z") {
             if let Hours::Closed { opens_in_s, .. } = vienna.at(at) {
-                assert!(matches!(vienna.at(at + opens_in_s), Hours::Open { .. }));
+                assert_eq!(vienna.at(at + opens_in_s), Hours::Open);
                 assert!(matches!(vienna.at(at + opens_in_s - 1.0), Hours::Closed { .. }));
             }
             at += 977.0;

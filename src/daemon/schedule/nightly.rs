@@ -42,10 +42,6 @@ const CALIBRATIONS_MAX: u32 = 3;
 const CANCELLED: &str = "the rig has drifted, and measuring the lens was cancelled at the button: \
                          press it to measure now; otherwise the next night does";
 
-/// Seconds past the end of the night by the monotonic clock after which the calendar counts as set
-/// back.
-const SLACK_S: f64 = 60.0;
-
 /// Sources of time.
 #[derive(Clone, Copy)]
 pub struct Times<'a> {
@@ -64,8 +60,6 @@ impl Times<'_> {
 }
 
 struct Night {
-    /// End of the night by the monotonic clock; `None` if the hours never end.
-    ends: Option<Moment>,
     warm_up: Option<WarmUp>,
     next_pilot: Moment,
     /// Photos since the last pilot.
@@ -83,8 +77,6 @@ pub struct Nightly<'a> {
     folders: Folders,
     record: NightRecord,
     night: Option<Night>,
-    /// Whether this night is over by the monotonic clock, whatever the calendar says.
-    is_over: bool,
     calibrations: u32,
     /// Whether a calibration was cancelled at the button; it is not repeated before a press or the
     /// next night.
@@ -113,7 +105,6 @@ impl<'a> Nightly<'a> {
             folders: folders.clone(),
             record,
             night: None,
-            is_over: false,
             calibrations: 0,
             is_cancelled: false,
             lull_since: None,
@@ -136,13 +127,8 @@ impl<'a> Nightly<'a> {
     /// Begins or ends the night according to the hours.
     fn hours(&mut self, rig: &mut dyn Restorer) -> MayRestore {
         let (now, unix_s) = (self.now(), self.times.unix_s());
-        let unknown = match self.calendar.judge(unix_s, now.0, (self.times.is_set)()) {
-            Trust::Trusted(jumped_s) => {
-                if let Some(jump) = jumped_s {
-                    log::warn!("the clock was changed by {jump:+.0} s");
-                }
-                None
-            }
+        let unknown = match self.calendar.judge(unix_s, (self.times.is_set)()) {
+            Trust::Trusted => None,
             Trust::NotSet => Some("no network has set the clock yet"),
             Trust::Past => Some(
                 "the clock shows an earlier time than before: set it; if the time is correct now, \
@@ -153,24 +139,15 @@ impl<'a> Nightly<'a> {
             self.night = None;
             return hold(Awaited::Window, &format!("the time is unknown: {why}"), None);
         }
-        let ends = self.night.as_ref().and_then(|night| night.ends);
-        let over = ends.is_some_and(|end| now.0 > end.0 + SLACK_S);
         match self.window.at(unix_s) {
             Hours::Closed { opens_in_s, words } => {
-                self.is_over = false;
                 self.end(rig)?;
                 hold(Awaited::Window, &words, Some(Moment(now.0 + opens_in_s)))
             }
-            Hours::Open { .. } if self.is_over || over => {
-                self.is_over = true;
-                self.end(rig)?;
-                hold(Awaited::Window, "the night is over, though the clock was set back", None)
-            }
-            Hours::Open { remaining_s } => {
+            Hours::Open => {
                 if self.night.is_none() {
                     log::info!("the night begins");
                     self.night = Some(Night {
-                        ends: remaining_s.map(|remaining| Moment(now.0 + remaining)),
                         warm_up: Some(WarmUp::new(now.0)),
                         next_pilot: now,
                         photos: 0,
