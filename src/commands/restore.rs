@@ -18,7 +18,9 @@ use super::output::{note, say};
 use super::progress::PhotoProgress;
 
 fn methods() -> impl TypedValueParser<Value = MethodName> {
-    PossibleValuesParser::new(MethodName::ALL.map(MethodName::name)).try_map(MethodName::try_from)
+    let named = |word: String| MethodName::ALL.into_iter().find(|method| method.name() == word);
+    PossibleValuesParser::new(MethodName::ALL.map(MethodName::name))
+        .try_map(move |word| named(word).ok_or("found a method that relens does not have"))
 }
 
 /// Restore photos

@@ -405,3 +405,11 @@ fn what_is_full_of_white_pixels_is_judged_all_the_same() {
         assert_eq!(outcome.verdict, Verdict::Untouched, "{what}: {}", outcome.reason);
     }
 }
+
+#[test]
+fn each_method_has_the_name_by_which_a_rig_file_selects_it() {
+    let rig = config::load(Path::new("small.toml")).unwrap();
+    for which in Named::ALL {
+        assert_eq!(method(&rig, which).name(), which.name());
+    }
+}

@@ -30,8 +30,9 @@ const CONDITIONS: [Condition; 4] = [
 
 /// Methods that a rig file can name; only those that start from the lens model if `by_the_lens`.
 fn named(by_the_lens: bool) -> impl Iterator<Item = MethodName> {
+    use MethodName::{BlockMatching, Digital, Hybrid};
     let all = MethodName::ALL.into_iter();
-    all.filter(move |name| !by_the_lens || name.about().starts_from_lens)
+    all.filter(move |name| !by_the_lens || matches!(name, Digital | Hybrid | BlockMatching))
 }
 
 /// A table for each condition; a rig whose photos are not linear is measured as it is, in colour.
