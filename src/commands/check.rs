@@ -107,8 +107,9 @@ fn examine(options: &CheckOptions, rig: &RigFile, found: &mut CheckLines) -> Res
     match operating_point::load(&kept, rig) {
         Ok(None) => {}
         Ok(Some(chosen)) => found.row("operating point", &chosen.to_string()),
-        Err(error) => faults
-            .push(format!("no operating point: {}; run `relens calibrate`", full_message(&error))),
+        Err(reason) => {
+            faults.push(format!("no operating point: {reason}; run `relens calibrate`"));
+        }
     }
     if !faults.is_empty() {
         return Err(CliError::Faults(faults));

@@ -11,7 +11,6 @@ use relens::disk::FileError;
 use relens::picture::PictureError;
 use relens::pipeline::PipelineError;
 use relens::remedy::{AnyFailure, Remedy, full_message};
-use relens::restorer::operating_point::OperatingPointError;
 use relens::rig::RigError;
 
 /// Why a command failed.
@@ -137,8 +136,7 @@ macro_rules! failures {
 }
 
 failures! {
-    AnyFailure DaemonError FileError OperatingPointError PictureError PipelineError
-    RigError StoreError TestRigError
+    AnyFailure DaemonError FileError PictureError PipelineError RigError StoreError TestRigError
 }
 
 #[cfg(test)]

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::photo_file::SensorFacts;
-use super::{keep, kept};
+use super::{identity, keep, kept};
 use crate::calibration::dark_corner::{normalised, smooth};
 use crate::calibration::surface::Surface;
 use crate::calibration::{Calibration, Layout, store};
@@ -39,7 +39,7 @@ const SHARE_MIN: f64 = 0.05;
 /// brightest point.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct LensFlat {
-    /// Identity of the rig, in hexadecimal because JSON numbers have only 53 bits.
+    /// Identity of the rig.
     rig: String,
     shares: [Surface; 3],
     photo: Size,
@@ -121,10 +121,6 @@ pub fn load(config: &RigFile, slots: &Path) -> Option<LensFlat> {
         && flat.photo == config.photo.size()
         && flat.shares.iter().all(Surface::is_whole);
     Some(flat).filter(|flat| fits && flat.darkest() >= SHARE_MIN)
-}
-
-fn identity(config: &RigFile) -> String {
-    format!("{:016x}", config.identity)
 }
 
 impl LensFlat {

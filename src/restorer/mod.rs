@@ -24,6 +24,7 @@ mod provenance;
 
 use std::path::Path;
 
+use crate::config::RigFile;
 use crate::disk::{FileError, Files};
 use crate::kiosk::screen::Screen;
 use crate::nights::pilot::Drift;
@@ -102,6 +103,11 @@ pub struct Progress {
     pub doing: &'static str,
     /// Captures so far.
     pub captures: usize,
+}
+
+/// Identity of `rig` in text files, in hexadecimal because JSON numbers have only 53 bits.
+fn identity(rig: &RigFile) -> String {
+    format!("{:016x}", rig.identity)
 }
 
 /// Limit of the length of a file beside the calibration's slots, bytes.

@@ -4,11 +4,11 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-use super::{keep, kept};
+use super::{identity, keep, kept};
 use crate::config::{self, MethodName};
 use crate::disk::FileError;
 use crate::pipeline::{Chosen, Setting};
-use crate::remedy::{Remediable, Remedy, full_message};
+use crate::remedy::full_message;
 
 /// Name of the file beside the calibration's slots.
 const NAME: &str = "operating-point.toml";
@@ -18,49 +18,27 @@ const HEAD: &str = "# Chosen and written by `relens calibrate`, on scenes shown 
 #[derive(Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 struct KeptPoint {
-    /// Identity of the rig it was chosen on, in hexadecimal.
+    /// Identity of the rig it was chosen on.
     rig: String,
     chosen: Chosen,
-}
-
-/// Failure to read or keep an operating point.
-#[derive(Debug, thiserror::Error)]
-pub enum OperatingPointError {
-    /// There is no usable operating point; names the file and what is wrong.
-    #[error("{0}")]
-    Unusable(String),
-    /// The file cannot be read or written.
-    #[error(transparent)]
-    File(#[from] FileError),
-}
-
-impl Remediable for OperatingPointError {
-    fn remedy(&self) -> Remedy {
-        match self {
-            OperatingPointError::File(error) => error.remedy(),
-            OperatingPointError::Unusable(_) => Remedy::Recalibrate,
-        }
-    }
 }
 
 /// Reads the operating point chosen for `rig`; `None` if the rig file requests none.
 ///
 /// # Errors
-/// When there is no valid choice for the request.
-pub fn load(slots: &Path, rig: &config::RigFile) -> Result<Option<Chosen>, OperatingPointError> {
+/// When there is no valid choice for the request; names the file and what is wrong.
+pub fn load(slots: &Path, rig: &config::RigFile) -> Result<Option<Chosen>, String> {
     let Some(wanted) = rig.restore.operating_point else { return Ok(None) };
     let path = slots.join(NAME);
-    let unusable = |what: String| OperatingPointError::Unusable(what);
-    let damaged = |what: &str| unusable(format!("{} is damaged: {what}", path.display()));
-    let bytes = kept(slots, NAME)?;
-    let bytes = bytes.ok_or_else(|| unusable(format!("there is no {}", path.display())))?;
+    let damaged = |what: &str| format!("{} is damaged: {what}", path.display());
+    let bytes = kept(slots, NAME).map_err(|error| full_message(&error))?;
+    let bytes = bytes.ok_or_else(|| format!("there is no {}", path.display()))?;
     let point: KeptPoint = toml::from_slice(&bytes).map_err(|error| damaged(error.message()))?;
     let of = |rig: &str, point: &str| format!("rig {rig} for `{point}`");
     let found = of(&point.rig, point.chosen.operating_point.name());
     let allowed = of(&identity(rig), wanted.name());
     if found != allowed {
-        let what = format!("{} was chosen for {found}; allowed is {allowed}", path.display());
-        return Err(unusable(what));
+        return Err(format!("{} was chosen for {found}; allowed is {allowed}", path.display()));
     }
     if !point.chosen.setting.is_sane() {
         return Err(damaged("it has steps, rounds or captures that are not 1 to 10000"));
@@ -72,15 +50,11 @@ pub fn load(slots: &Path, rig: &config::RigFile) -> Result<Option<Chosen>, Opera
 ///
 /// # Errors
 /// When the file cannot be written.
-pub fn save(
-    slots: &Path,
-    rig: &config::RigFile,
-    chosen: &Chosen,
-) -> Result<(), OperatingPointError> {
+pub fn save(slots: &Path, rig: &config::RigFile, chosen: &Chosen) -> Result<(), FileError> {
     let point = KeptPoint { rig: identity(rig), chosen: *chosen };
     let text = toml::to_string(&point).map_err(std::io::Error::other);
     let text = text.map_err(FileError::at("write", &slots.join(NAME)))?;
-    Ok(keep(slots, NAME, format!("{HEAD}{text}").as_bytes())?)
+    keep(slots, NAME, format!("{HEAD}{text}").as_bytes())
 }
 
 /// Setting for photos on `rig`: for `method` if given, else the chosen operating point, else the
@@ -94,17 +68,12 @@ pub fn setting(slots: &Path, rig: &config::RigFile, method: Option<MethodName>) 
         Ok(chosen) => chosen.map_or(filed, |chosen| chosen.setting),
         Err(reason) => {
             log::warn!(
-                "no operating point: {}; restoring with {filed}; `relens calibrate` chooses \
-                 one",
-                full_message(&reason)
+                "no operating point: {reason}; restoring with {filed}; `relens calibrate` chooses \
+                 one"
             );
             filed
         }
     }
-}
-
-fn identity(rig: &config::RigFile) -> String {
-    format!("{:016x}", rig.identity)
 }
 
 #[cfg(test)]
@@ -131,7 +100,7 @@ mod tests {
     }
 
     fn refused(slots: &Path, rig: &config::RigFile) -> String {
-        load(slots, rig).unwrap_err().to_string()
+        load(slots, rig).unwrap_err()
     }
 
     #[test]
