@@ -60,8 +60,6 @@ pub(super) enum Command {
     Check(check::CheckOptions),
     Status(status::StatusOptions),
     Press(press::PressOptions),
-    /// Print the version
-    Version,
     #[command(hide = true)]
     Completions(manual::CompletionsOptions),
     #[command(hide = true)]

@@ -36,7 +36,6 @@ use relens::picture::worker;
 
 use arguments::{Command, CommandLine};
 use error::CliError;
-use output::say;
 
 /// Runs the command in `words`, the program's name first.
 pub(crate) fn run(words: Vec<OsString>) -> ExitCode {
@@ -62,7 +61,6 @@ pub(crate) fn run(words: Vec<OsString>) -> ExitCode {
         Command::Status(_)
             | Command::Check(_)
             | Command::Align(_)
-            | Command::Version
             | Command::Completions(_)
             | Command::Man(_)
     );
@@ -110,9 +108,5 @@ fn dispatch(line: &CommandLine) -> Result<(), CliError> {
         Command::Press(options) => press::run(options),
         Command::Completions(options) => manual::completions(options, CommandLine::command()),
         Command::Man(options) => manual::man(options, CommandLine::command()),
-        Command::Version => {
-            say(concat!("relens ", env!("CARGO_PKG_VERSION")));
-            Ok(())
-        }
     }
 }
