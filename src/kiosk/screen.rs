@@ -88,8 +88,6 @@ struct ScreenContent {
     symbol_colour: PanelColour,
     title: String,
     lines: Vec<(String, PanelColour)>,
-    /// Progress, 0..1.
-    progress: Option<f32>,
 }
 
 impl ScreenContent {
@@ -105,7 +103,7 @@ impl ScreenContent {
             Symbol::Moon => (NIGHT, AMBER),
             Symbol::Triangle => (RUST, AMBER),
         };
-        ScreenContent { ground, symbol, symbol_colour, title: title.into(), lines, progress: None }
+        ScreenContent { ground, symbol, symbol_colour, title: title.into(), lines }
     }
 }
 
@@ -123,13 +121,8 @@ pub(crate) fn photos(count: usize) -> String {
     if count == 1 { "1 photo".to_owned() } else { format!("{count} photos") }
 }
 
-/// Title of a resting box.
-fn waiting(photos: usize) -> String {
-    match photos {
-        0 => "Resting".to_owned(),
-        1 => "1 photo waits".to_owned(),
-        n => format!("{n} photos wait"),
-    }
+pub(crate) fn photos_wait(count: usize) -> String {
+    if count == 1 { "1 photo waits".to_owned() } else { format!("{count} photos wait") }
 }
 
 /// Makes a sentence of `words`, with a capital and a full stop.
@@ -172,16 +165,14 @@ fn content(screen: &Screen) -> ScreenContent {
                 0 | 1 => "Working".to_owned(),
                 of => format!("Working: {number} of {of}"),
             };
-            let progress = Some((number.saturating_sub(1)) as f32 / (*of).max(1) as f32);
-            let content = ScreenContent::new(Symbol::Bars, title, vec![main(photo), soft(FLICKER)]);
-            ScreenContent { progress, ..content }
+            ScreenContent::new(Symbol::Bars, title, vec![main(photo), soft(FLICKER)])
         }
         Screen::Result { photo, untouched, words, hint } => {
             let title = if *untouched { "Returned unchanged" } else { "Done" };
             ScreenContent::new(Symbol::Disc, title, vec![main(photo), soft(words), soft(hint)])
         }
         Screen::Resting { words, photos: count, .. } => {
-            let title = waiting(*count);
+            let title = if *count == 0 { "Resting".to_owned() } else { photos_wait(*count) };
             ScreenContent::new(Symbol::Moon, title, vec![main(&sentence(words))])
         }
         Screen::Trouble { what, to_do } => {
@@ -210,8 +201,7 @@ pub struct PhotoPair<'a> {
 
 /// Draws `screen` for a panel of `size`; `pair` is drawn on a [`Screen::Result`] only.
 pub fn draw(screen: &Screen, size: Size, pair: Option<PhotoPair<'_>>) -> Codes {
-    let ScreenContent { ground, symbol, symbol_colour, mut title, mut lines, progress } =
-        content(screen);
+    let ScreenContent { ground, symbol, symbol_colour, mut title, mut lines } = content(screen);
     let mut sheet = Sheet::new(size, ground);
     let (width, height) = (size.width as f32, size.height as f32);
     // Dimensions scale with the panel's height; 0.06 of it keeps clear of edges that panels crop.
@@ -242,20 +232,14 @@ pub fn draw(screen: &Screen, size: Size, pair: Option<PhotoPair<'_>>) -> Codes {
     let shrunk = shrunk(&title);
     sheet.line(&title, (words_at, top + (title_px - shrunk) / 2.0), shrunk, PAPER);
     let mut y = top + title_px * 1.2;
-    let foot = if progress.is_some() { 0.08 * height + edge } else { edge };
     let texts: Vec<&str> = lines.iter().map(|(text, _)| text.as_str()).collect();
-    let (px, set) = lettering::fitted(&texts, line_px, (room, height - y - 0.5 * foot));
+    let (px, set) = lettering::fitted(&texts, line_px, (room, height - y - 0.5 * edge));
     for (text, (_, colour)) in set.iter().zip(&lines) {
         for line in text {
             sheet.line(line, (edge, y), px, *colour);
             y += px * lettering::SPACING;
         }
         y += px * lettering::GAP;
-    }
-    if let Some(share) = progress {
-        let (bar_y, thick) = ((height - edge - 0.05 * height) as i32, (0.05 * height) as i32);
-        sheet.rectangle((edge as i32, bar_y), (room as i32, thick), [60, 74, 98]);
-        sheet.rectangle((edge as i32, bar_y), ((room * share.clamp(0.0, 1.0)) as i32, thick), SKY);
     }
     sheet.codes
 }

@@ -124,14 +124,3 @@ fn every_example_fits_a_small_panel() {
         }
     }
 }
-
-#[test]
-fn progress_moves_with_the_photos() {
-    let size = Size::new(480, 270);
-    let at = |number| {
-        let codes = draw(&Screen::Working { photo: "a".into(), number, of: 10 }, size, None);
-        let row = codes.plane(Channel::Blue).row(245).to_vec();
-        row.iter().filter(|&&v| v == SKY[2]).count()
-    };
-    assert!(at(1) < 5 && at(6) > 180 && at(10) > at(6), "{} {} {}", at(1), at(6), at(10));
-}

@@ -12,7 +12,9 @@ use crate::daemon::job::JobEnd;
 use crate::daemon::store::report_file::{Report, ResultKind, without_numbers};
 use crate::daemon::store::waiting::Awaited;
 use crate::kiosk::front_panel::{BoxState, FrontPanel};
-use crate::kiosk::screen::{AIM, DROP, DROP_AND_PRESS, IDLE, RESULT_IN_OUTBOX, Screen, sentence};
+use crate::kiosk::screen::{
+    AIM, DROP, DROP_AND_PRESS, IDLE, RESULT_IN_OUTBOX, Screen, photos_wait, sentence,
+};
 use crate::pipeline::Interruption;
 use crate::remedy::{Remediable, Remedy, full_message};
 use crate::restorer::Restorer;
@@ -286,10 +288,6 @@ impl Schedule for Attended<'_> {
         let counts = self.shooting.as_ref().is_some_and(|shooting| shooting.is_due(now));
         counts || self.before.front_panel.has_requests() || self.inner.impatient()
     }
-}
-
-fn photos_wait(photos: usize) -> String {
-    if photos == 1 { "1 photo waits".to_owned() } else { format!("{photos} photos wait") }
 }
 
 /// Interruption of the restorer by a long press during a job, or by a stop of the service.
