@@ -125,7 +125,12 @@ impl Files {
     /// # Errors
     /// `AlreadyExists`, or any error of the disk; nothing has changed then.
     pub fn rename_new(&self, from: &Path, to: &Path) -> Result<(), FileError> {
-        match self.0.rename_new(from, to) {
+        self.moved(self.0.rename_new(from, to), from, to)
+    }
+
+    /// Copies `from` to `to` if the rename `done` found that they are on different file systems.
+    fn moved(&self, done: io::Result<()>, from: &Path, to: &Path) -> Result<(), FileError> {
+        match done {
             Err(error) if error.kind() == ErrorKind::CrossesDevices => self.copy_across(from, to),
             done => done,
         }
@@ -176,11 +181,8 @@ impl Files {
         content: &mut dyn Read,
     ) -> Result<(), FileError> {
         let path = folder.join(name);
-        let temporary = self.write_temporary(&path, content, Unsynced::sync)?;
-        self.0.rename_new(&temporary, &path).map_err(|error| {
-            let _ = self.0.remove(&temporary);
-            FileError::at("write", &path)(error)
-        })?;
+        let rename = |temporary: &Path| self.0.rename_new(temporary, &path);
+        self.write_by(rename, &path, content, Unsynced::sync)?;
         // If the file stayed, the next attempt would write a second copy beside it.
         self.sync_folder(folder).inspect_err(|_| drop(self.0.remove(&path)))
     }
@@ -188,7 +190,8 @@ impl Files {
     /// Replaces the file `path` by `bytes`, atomically. Until its folder is synchronised, a power
     /// cut may restore the previous file.
     pub fn replace(&self, path: &Path, bytes: &[u8]) -> Result<(), FileError> {
-        self.replace_by(path, bytes, Unsynced::sync)
+        let rename = |temporary: &Path| self.0.rename(temporary, path);
+        self.write_by(rename, path, &mut &*bytes, Unsynced::sync)
     }
 
     /// Replaces the file `path` by `bytes`, atomically and durably.
@@ -201,7 +204,8 @@ impl Files {
     /// after a power cut: for files that are rewritten at every start. Nothing is synchronised,
     /// which saves writes to the memory card.
     pub fn replace_for_now(&self, path: &Path, bytes: &[u8]) -> Result<(), FileError> {
-        self.replace_by(path, bytes, |_| Ok(()))
+        let rename = |temporary: &Path| self.0.rename(temporary, path);
+        self.write_by(rename, path, &mut &*bytes, |_| Ok(()))
     }
 
     /// Moves `from` to `folder/name`, numbered if that name is taken, and returns the new path. The
@@ -233,13 +237,8 @@ impl Files {
     ) -> Result<PathBuf, FileError> {
         self.with_free_name(folder, name, &TakenNames::holds, &mut |name| {
             let path = folder.join(name);
-            let moved = match rename(from, &path) {
-                Err(error) if error.kind() == ErrorKind::CrossesDevices => {
-                    self.copy_across(from, &path)
-                }
-                moved => moved,
-            };
-            moved.map(|()| path).map_err(FileError::at("move", from))
+            self.moved(rename(from, &path), from, &path)?;
+            Ok(path)
         })
     }
 
@@ -281,30 +280,18 @@ impl Files {
         Ok(())
     }
 
-    /// Writes a temporary file beside `path`. Errors name `path`, because the temporary name is a
-    /// new one each time.
-    fn write_temporary(
+    /// Writes a temporary file beside `path`, and gives it that name by `rename`. Errors name
+    /// `path`, because the temporary name is a new one each time.
+    fn write_by(
         &self,
+        rename: impl FnOnce(&Path) -> io::Result<()>,
         path: &Path,
         content: &mut dyn Read,
         sync: impl FnOnce(Box<dyn Unsynced>) -> io::Result<()>,
-    ) -> Result<PathBuf, FileError> {
-        let temporary = temporary_in(folder_of(path));
-        self.0.write(&temporary, content).and_then(sync).map_err(|error| {
-            let _ = self.0.remove(&temporary);
-            FileError::at("write", path)(error)
-        })?;
-        Ok(temporary)
-    }
-
-    fn replace_by(
-        &self,
-        path: &Path,
-        bytes: &[u8],
-        sync: impl FnOnce(Box<dyn Unsynced>) -> io::Result<()>,
     ) -> Result<(), FileError> {
-        let temporary = self.write_temporary(path, &mut &*bytes, sync)?;
-        self.0.rename(&temporary, path).map_err(|error| {
+        let temporary = temporary_in(folder_of(path));
+        let written = self.0.write(&temporary, content).and_then(sync);
+        written.and_then(|()| rename(&temporary)).map_err(|error| {
             let _ = self.0.remove(&temporary);
             FileError::at("write", path)(error)
         })
