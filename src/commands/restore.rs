@@ -114,12 +114,6 @@ fn is_dash(path: &Path) -> bool {
     path == Path::new("-")
 }
 
-/// A photo and the bytes of its file.
-struct ReadPhoto {
-    photo: Photo,
-    bytes: Vec<u8>,
-}
-
 pub(super) fn run(options: &RestoreOptions) -> Result<(), CliError> {
     let photos = &options.photos;
     let rig = config::load(&options.rig.rig)?;
@@ -134,15 +128,15 @@ pub(super) fn run(options: &RestoreOptions) -> Result<(), CliError> {
     // A single photo and the name of its result are checked before the rig is opened.
     if let [path] = &photos[..] {
         let read = read(path, &rig)?;
-        let destination = Destination::of(&options.out, &read.photo)?;
+        let destination = Destination::of(&options.out, &read.0)?;
         return restore(options, &rig.name, read, &destination, &mut *restorer()?);
     }
     let mut restorer = restorer()?;
     let mut failed = 0;
     for path in photos {
         let done = read(path, &rig).and_then(|read| {
-            let named = |error| CliError::OfPhoto(read.photo.name.clone(), Box::new(error));
-            let destination = Destination::of(&options.out, &read.photo).map_err(named)?;
+            let named = |error| CliError::OfPhoto(read.0.name.clone(), Box::new(error));
+            let destination = Destination::of(&options.out, &read.0).map_err(named)?;
             restore(options, &rig.name, read, &destination, &mut *restorer)
         });
         match done {
@@ -160,8 +154,9 @@ pub(super) fn run(options: &RestoreOptions) -> Result<(), CliError> {
     }
 }
 
-/// Reads a photo from a file or standard input, and fits it to the rig's grid.
-fn read(path: &Path, rig: &RigFile) -> Result<ReadPhoto, CliError> {
+/// Reads a photo from a file or standard input, and fits it to the rig's grid; also returns the
+/// bytes of its file.
+fn read(path: &Path, rig: &RigFile) -> Result<(Photo, Vec<u8>), CliError> {
     let reading = ReadOptions::of(rig);
     let limits = reading.limits;
     let (name, bytes) = if is_dash(path) {
@@ -176,15 +171,14 @@ fn read(path: &Path, rig: &RigFile) -> Result<ReadPhoto, CliError> {
         let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy();
         (name, bytes_of(path, &limits)?)
     };
-    let photo = reading.photo_of_bytes(&name, &bytes)?;
-    Ok(ReadPhoto { photo, bytes })
+    Ok((reading.photo_of_bytes(&name, &bytes)?, bytes))
 }
 
 /// Restores one photo, and writes the result, the summary and the report.
 fn restore(
     options: &RestoreOptions,
     rig: &str,
-    ReadPhoto { photo, bytes }: ReadPhoto,
+    (photo, bytes): (Photo, Vec<u8>),
     destination: &Destination,
     restorer: &mut dyn Restorer,
 ) -> Result<(), CliError> {

@@ -8,7 +8,6 @@ use std::ffi::OsStr;
 use std::os::linux::net::SocketAddrExt;
 use std::os::unix::ffi::OsStrExt;
 use std::os::unix::net::{SocketAddr, UnixDatagram};
-use std::sync::{Mutex, PoisonError};
 
 use super::report::state::Doing;
 use super::watcher::Watcher;
@@ -18,8 +17,6 @@ use crate::restorer::Progress;
 #[derive(Debug, Default)]
 pub struct ServiceManager {
     socket: Option<UnixDatagram>,
-    /// The last status sent, which is not sent again.
-    status: Mutex<String>,
 }
 
 impl ServiceManager {
@@ -36,7 +33,7 @@ impl ServiceManager {
             socket.connect_addr(&to.ok()?).ok()?;
             Some(socket)
         });
-        ServiceManager { socket, status: Mutex::default() }
+        ServiceManager { socket }
     }
 
     /// Sends a notification. Errors are ignored: a manager that waits in vain acts by itself.
@@ -65,11 +62,7 @@ impl ServiceManager {
     pub fn status(&self, words: &str) {
         let one_line: String =
             words.chars().map(|c| if c.is_control() { ' ' } else { c }).collect();
-        let mut last = self.status.lock().unwrap_or_else(PoisonError::into_inner);
-        if *last != one_line {
-            self.send(&format!("STATUS={one_line}"));
-            *last = one_line;
-        }
+        self.send(&format!("STATUS={one_line}"));
     }
 }
 
@@ -138,14 +131,13 @@ mod tests {
     }
 
     #[test]
-    fn each_status_is_sent_once_and_work_each_time() {
+    fn status_and_work_are_sent_each_time() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("notify");
         let socket = UnixDatagram::bind(&path).unwrap();
         let manager = ServiceManager::at(Some(path.as_os_str()));
         let mut watcher = Supervised::new(&manager, Box::new(()));
         manager.ready();
-        watcher.doing(&Doing::Waiting);
         watcher.doing(&Doing::Waiting);
         watcher.scanned();
         watcher.begun("a\nREADY=0.jpg", 1, 2);

@@ -171,20 +171,18 @@ fn describe_confirmation(report: &Report) -> Option<(&'static str, String)> {
     let Some(certificate) = &report.certificate else {
         return Some(("none", "Not confirmed: it was not photographed again.".to_owned()));
     };
-    let (class, finding) = match certificate.confirmation() {
-        Confirmation::Full => ("good", "matches your photo"),
-        Confirmation::Noisy => ("fair", "matches your photo within its strong noise"),
-        Confirmation::Unproven => {
-            ("fair", "matches your photo, supposing that this camera took it")
+    let noisy = "matches your photo within its strong noise";
+    let unproven = "matches your photo, supposing that this camera took it";
+    let (class, again, finding) = match certificate.confirmation() {
+        Confirmation::Full => ("good", "Confirmed: photographed", "matches your photo"),
+        Confirmation::Noisy => ("fair", "Photographed", noisy),
+        Confirmation::Unproven => ("fair", "Photographed", unproven),
+        Confirmation::Nearly => {
+            ("fair", "Nearly confirmed: photographed", "nearly matches your photo")
         }
-        Confirmation::Nearly => ("fair", "nearly matches your photo"),
-        Confirmation::Not => ("poor", "still differs from your photo"),
-    };
-    let again = match certificate.confirmation() {
-        Confirmation::Full => "Confirmed: photographed",
-        Confirmation::Noisy | Confirmation::Unproven => "Photographed",
-        Confirmation::Nearly => "Nearly confirmed: photographed",
-        Confirmation::Not => "Not confirmed: photographed",
+        Confirmation::Not => {
+            ("poor", "Not confirmed: photographed", "still differs from your photo")
+        }
     };
     let proviso = certificate.proviso();
     Some((class, format!("{again} through the lens again, the result {finding}{proviso}.")))

@@ -9,7 +9,7 @@ use super::names::address;
 use crate::deconvolution::stage::ResultStage;
 use crate::frame::{Channels, Rect, Size};
 use crate::picture::{Format, Photo};
-use crate::pipeline::{Iteration, OpticalResidual, Outcome, Verdict, areas};
+use crate::pipeline::{Iteration, OpticalResidual, Outcome, Verdict, areas, counted};
 
 /// Content of a result.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -158,10 +158,7 @@ impl Report {
     /// Line for the log.
     pub fn line(&self) -> String {
         let Report { photo, method, reason, seconds, size, stored, .. } = self;
-        let captures = match self.captures {
-            1 => "1 capture".to_owned(),
-            n => format!("{n} captures"),
-        };
+        let captures = counted(self.captures, "capture");
         if self.outcome == ResultKind::Untouched {
             return format!("{photo}: returned unchanged: {reason} ({captures}, {seconds:.1} s)");
         }
