@@ -76,7 +76,7 @@ pub(super) fn run(options: &RunOptions) -> Result<(), CliError> {
     let mut rig = config::load(&options.rig.rig)?;
     let scene = scene_of(&mut rig, options)?;
     let folders = Folders::open(&options.folder.folder)?;
-    let stopped = signals::stop_flag(folders.root.to_owned())?;
+    let stopped = signals::stop_flag()?;
     if !options.once {
         return watch(&rig, scene.as_ref(), folders, &stopped);
     }

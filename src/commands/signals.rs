@@ -1,35 +1,26 @@
 //! Signals. SIGINT and SIGTERM stop a daemon in good order, and any other command at once, with its
-//! progress line cleared. A daemon logs its state at SIGUSR1. At SIGHUP it stops if its terminal
-//! closed, and otherwise continues.
+//! progress line cleared. At SIGHUP a daemon stops if its terminal closed, and otherwise continues.
 
 use std::io::IsTerminal;
 use std::os::raw::c_int;
-use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGUSR1};
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use signal_hook::iterator::Signals;
 use signal_hook::low_level::emulate_default_handler;
 
-use relens::remedy::full_message;
-
 use super::error::CliError;
-use super::{progress, status};
+use super::progress;
 
-/// A flag that is set once the daemon with its state in `home` is to stop: the photo in progress is
-/// finished, or given up before its next capture. A second SIGINT ends the program at once.
-pub(super) fn stop_flag(home: PathBuf) -> Result<Arc<AtomicBool>, CliError> {
+/// A flag that is set once the daemon is to stop: the photo in progress is finished, or given up
+/// before its next capture. A second SIGINT ends the program at once.
+pub(super) fn stop_flag() -> Result<Arc<AtomicBool>, CliError> {
     let stopped = Arc::new(AtomicBool::new(false));
     let flag = Arc::clone(&stopped);
     let at_terminal = std::io::stderr().is_terminal();
-    listen(&[SIGINT, SIGTERM, SIGHUP, SIGUSR1], move |signal| {
-        if signal == SIGUSR1 {
-            match status::of(&home) {
-                Ok(words) => words.lines().for_each(|line| log::info!("{line}")),
-                Err(error) => log::warn!("{}", full_message(&error)),
-            }
-        } else if signal == SIGHUP && at_terminal == std::io::stderr().is_terminal() {
+    listen(&[SIGINT, SIGTERM, SIGHUP], move |signal| {
+        if signal == SIGHUP && at_terminal == std::io::stderr().is_terminal() {
             // A closed terminal is no terminal any more.
             log::info!(
                 "SIGHUP is ignored: the rig file is read at the start only; restart relens to read \

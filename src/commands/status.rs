@@ -1,6 +1,5 @@
 //! `relens status`: the daemon's state, from its state file.
 
-use std::path::Path;
 use std::time::SystemTime;
 
 use clap::Args;
@@ -28,14 +27,18 @@ pub(super) struct StatusOptions {
 
 pub(super) fn run(options: &StatusOptions) -> Result<(), CliError> {
     let folder = &options.folder.folder;
-    if !options.json {
-        say(&of(folder)?);
-        return Ok(());
+    let state = State::read(folder)
+        .map_err(CliError::BrokenState)?
+        .ok_or_else(|| CliError::NoState(folder.to_owned()))?;
+    let running = Folders::in_use(folder);
+    let inbox_is_there = folder.join("inbox").is_dir();
+    if options.json {
+        let json = serde_json::to_string_pretty(&Status { running, inbox_is_there, state });
+        say(&json.map_err(|e| CliError::writing(folder, e.into()))?);
+    } else {
+        let now_unix_s = unix_s(SystemTime::now()) as u64;
+        say(&words(&state, running, inbox_is_there, now_unix_s));
     }
-    let (state, running) = read(folder)?;
-    let status = Status { running, inbox_is_there: inbox_is_there(folder), state };
-    let json = serde_json::to_string_pretty(&status);
-    say(&json.map_err(|e| CliError::writing(folder, e.into()))?);
     Ok(())
 }
 
@@ -47,25 +50,6 @@ struct Status {
     inbox_is_there: bool,
     #[serde(flatten)]
     state: State,
-}
-
-/// The state in `folder`, and whether a daemon is running there.
-fn read(folder: &Path) -> Result<(State, bool), CliError> {
-    let state = State::read(folder)
-        .map_err(CliError::BrokenState)?
-        .ok_or_else(|| CliError::NoState(folder.to_owned()))?;
-    Ok((state, Folders::in_use(folder)))
-}
-
-/// The state of the daemon on `folder`, in a few lines.
-pub(super) fn of(folder: &Path) -> Result<String, CliError> {
-    let (state, running) = read(folder)?;
-    let now = unix_s(SystemTime::now()) as u64;
-    Ok(words(&state, running, inbox_is_there(folder), now))
-}
-
-fn inbox_is_there(folder: &Path) -> bool {
-    folder.join("inbox").is_dir()
 }
 
 const GONE: &str = "its inbox is missing: make the folder again, or mount its disk";
