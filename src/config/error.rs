@@ -10,11 +10,8 @@ use crate::remedy::{Remediable, Remedy};
 pub enum ConfigError {
     #[error("cannot read the rig file {0}")]
     Read(PathBuf, #[source] std::io::Error),
-    #[error(
-        "found no rig file {path}{near}{} a file or a built-in one: {names}",
-        if near.is_empty() { ", allowed" } else { " Allowed:" }
-    )]
-    NoFile { path: PathBuf, near: String, names: String },
+    #[error("found no rig file {path}, allowed a file or a built-in one: {names}")]
+    NoFile { path: PathBuf, names: String },
     /// Not TOML, an unknown or missing key, or an invalid value: what was found and is allowed.
     #[error("{at}: {what}")]
     Invalid { at: String, what: String },

@@ -40,8 +40,6 @@ pub use spectra::{Primaries, SpectralLight, Wavelength};
 
 use std::path::Path;
 
-use strsim::levenshtein;
-
 /// The built-in rig files by name.
 const BUILT_IN: [(&str, &str); 9] = [
     ("simulated.toml", include_str!("../../rig-config/simulated.toml")),
@@ -77,19 +75,7 @@ pub fn load(path: &Path) -> Result<RigFile, ConfigError> {
         return parse(text, name);
     }
     let names = built_in_names().collect::<Vec<_>>().join(", ");
-    Err(ConfigError::NoFile { path: path.to_owned(), near: near(path), names })
-}
-
-/// A suggestion of the built-in rig file whose name is nearest to `path`.
-fn near(path: &Path) -> String {
-    let found = path.to_string_lossy();
-    let distance = |name: &str| {
-        levenshtein(&found, name).min(levenshtein(&found, name.trim_end_matches(".toml")))
-    };
-    match built_in_names().min_by_key(|name| distance(name)) {
-        Some(name) if distance(name) <= found.len() / 3 => format!("; did you mean {name}?"),
-        _ => String::new(),
-    }
+    Err(ConfigError::NoFile { path: path.to_owned(), names })
 }
 
 /// Parses the rig file `text`, called `name` in messages.
