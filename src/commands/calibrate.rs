@@ -9,6 +9,7 @@ use relens::chart::test_rig::TestRig;
 use relens::config::{self, OperatingPoint, RigFile};
 use relens::daemon::Folders;
 use relens::frame::{FULL_SCALE, Frame};
+use relens::remedy::AnyFailure;
 use relens::restorer::{diffuser, focus, on_rig, operating_point};
 use relens::rig::exposure::Devices;
 use relens::rig::monotonic::Monotonic;
@@ -120,7 +121,7 @@ pub(super) fn run(options: &CalibrateOptions) -> Result<(), CliError> {
 /// Measures the lens at a focus `offset` from the panel's, and keeps it in `kept`.
 fn measure_focus(rig: &RigFile, kept: &Path, offset: f32) -> Result<(), CliError> {
     // Before the devices are opened: is the offset valid, and is there a calibration to add it to?
-    focus::check(rig, kept, offset)?;
+    store::load(kept, rig.identity)?.check_offset(offset).map_err(AnyFailure::from)?;
     let turned = rig.refocused(offset).ok_or(CliError::PastInfinity(offset))?;
     let mut devices = opening::devices(&turned)?;
     let calibration = focus::measure(rig, &mut devices, kept, offset, progress::calibrating);

@@ -26,23 +26,22 @@ pub enum DaemonError {
     #[error("the folder {inner} is inside {outer}; the five folders must be separate")]
     Nested { inner: PathBuf, outer: PathBuf },
     /// The rig failed, and repeating or repairing has not helped.
-    #[error("the operator is needed: {}{}", prefix(photo.as_deref()), full_message(&**failure))]
+    #[error(
+        "the operator is needed: {}{}",
+        photo.as_ref().map_or(String::new(), |photo| format!("{photo}: ")),
+        full_message(&**failure)
+    )]
     Rig { photo: Option<String>, failure: AnyFailure },
     #[error("the operator is needed: no photo was taken: {}", full_message(&**failure))]
     NotTaken { failure: AnyFailure },
     /// The rig has drifted since its calibration, and the daemon may not calibrate it again.
-    #[error("the operator is needed: the rig has drifted{}: {complaint}", again(*.calibrations))]
+    #[error(
+        "the operator is needed: the rig has drifted{}: {complaint}",
+        if *calibrations > 0 { " again and again" } else { "" }
+    )]
     Drifted { complaint: String, calibrations: u32 },
     #[error("the operator is needed: {cause} cannot be calibrated: {}", full_message(&**failure))]
     Calibration { cause: String, failure: AnyFailure },
-}
-
-fn prefix(photo: Option<&str>) -> String {
-    photo.map_or(String::new(), |photo| format!("{photo}: "))
-}
-
-fn again(calibrations: u32) -> &'static str {
-    if calibrations > 0 { " again and again" } else { "" }
 }
 
 impl DaemonError {

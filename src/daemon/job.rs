@@ -39,7 +39,7 @@ pub enum JobEnd {
     /// The photo is in `failed`.
     Failed(Failed),
     /// The photo is back in the inbox, at a path relative to it, to be tried later.
-    Deferred { path: PathBuf, failed: Failed },
+    Deferred { path: PathBuf, reason: String },
     /// The photo was removed from the inbox before it could be claimed.
     Gone,
 }
@@ -163,9 +163,8 @@ impl Job<'_> {
             }
             // This photo cannot be moved; others may.
             Err(error) if error.is_about(&from) && !error.is_of_disk() => {
-                let photo = path.to_string_lossy().into_owned();
-                let failed = Failed { photo, reason: error.message_for_owner() };
-                return Ok(JobEnd::Deferred { path: path.to_owned(), failed });
+                let reason = error.message_for_owner();
+                return Ok(JobEnd::Deferred { path: path.to_owned(), reason });
             }
             moved => moved?,
         };
@@ -202,10 +201,9 @@ impl Job<'_> {
         match error.remedy() {
             Remedy::SkipPhoto => Ok(JobEnd::Failed(photo.reject(folders, reason)?)),
             Remedy::RetryLater => {
-                let failed = Failed { photo: photo.display_name(), reason };
                 let path = settle(folders, &photo.name, false)?;
                 let path = path.unwrap_or_else(|| PathBuf::from(&photo.name));
-                Ok(JobEnd::Deferred { path, failed })
+                Ok(JobEnd::Deferred { path, reason })
             }
             // Retried often enough. The caller puts the photo back.
             Remedy::ShootAgain | Remedy::Recalibrate | Remedy::ReopenRig | Remedy::CallOperator => {

@@ -394,7 +394,7 @@ impl<'a> Daemon<'a> {
                 self.late.watch(&self.folders, delivered, original, until);
             }
             JobEnd::Failed(failed) => self.reporter.add_failed(failed),
-            JobEnd::Deferred { path, failed } => self.defer(path, failed.reason, retry_s),
+            JobEnd::Deferred { path, reason } => self.defer(path, reason, retry_s),
             JobEnd::Gone => {}
         }
     }

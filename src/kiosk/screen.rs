@@ -34,17 +34,6 @@ pub enum Screen {
     Maintenance { words: String },
 }
 
-impl Screen {
-    fn others(&self) -> Option<&str> {
-        match self {
-            Screen::Waiting { others, .. }
-            | Screen::Asking { others, .. }
-            | Screen::Resting { others, .. } => Some(others),
-            _ => None,
-        }
-    }
-}
-
 /// Hint of a box that waits for photos and the button.
 pub(crate) const DROP_AND_PRESS: &str = "Put photos into the inbox, then press the button.";
 
@@ -138,8 +127,8 @@ fn content(screen: &Screen) -> ScreenContent {
     let alert = |words: &str| (words.to_owned(), AMBER);
     let mut content = match screen {
         Screen::Ready { hint } => ScreenContent::new(Symbol::Disc, "Ready", vec![main(hint)]),
-        Screen::Waiting { photos: count, .. } => {
-            let lines = vec![main(&format!("{} to restore", photos(*count)))];
+        Screen::Waiting { photos: count, others } => {
+            let lines = vec![main(&format!("{} to restore", photos(*count))), soft(others)];
             ScreenContent::new(Symbol::Disc, "Press the button", lines)
         }
         Screen::Counting { seconds } => {
@@ -149,11 +138,11 @@ fn content(screen: &Screen) -> ScreenContent {
         Screen::Taking => {
             ScreenContent::new(Symbol::Ring, "Taking the photo", vec![main(KEEP_STILL)])
         }
-        Screen::Asking { photos: count, words, .. } => {
+        Screen::Asking { photos: count, words, others } => {
             let to_restore = photos(*count);
             let keys = soft(&format!("{to_restore} to restore. {ASKING_KEYS}"));
-            let asked = "Put me before the lens";
-            let content = ScreenContent::new(Symbol::Square, asked, vec![main(words), keys]);
+            let lines = vec![main(words), keys, soft(others)];
+            let content = ScreenContent::new(Symbol::Square, "Put me before the lens", lines);
             ScreenContent { symbol_colour: GREEN, ..content }
         }
         Screen::Measuring { why } => {
@@ -171,9 +160,9 @@ fn content(screen: &Screen) -> ScreenContent {
             let title = if *untouched { "Returned unchanged" } else { "Done" };
             ScreenContent::new(Symbol::Disc, title, vec![main(photo), soft(words), soft(hint)])
         }
-        Screen::Resting { words, photos: count, .. } => {
+        Screen::Resting { words, photos: count, others } => {
             let title = if *count == 0 { "Resting".to_owned() } else { photos_wait(*count) };
-            ScreenContent::new(Symbol::Moon, title, vec![main(&sentence(words))])
+            ScreenContent::new(Symbol::Moon, title, vec![main(&sentence(words)), soft(others)])
         }
         Screen::Trouble { what, to_do } => {
             let lines = vec![main(what), alert(to_do), soft(RECOVERS)];
@@ -184,9 +173,7 @@ fn content(screen: &Screen) -> ScreenContent {
             ScreenContent::new(Symbol::Square, "Maintenance", lines)
         }
     };
-    if let Some(others) = screen.others().filter(|others| !others.is_empty()) {
-        content.lines.push(soft(others));
-    }
+    content.lines.retain(|(text, _)| !text.is_empty());
     content
 }
 

@@ -10,15 +10,6 @@ use crate::measurement::{CalibrationProgress, calibrate};
 use crate::remedy::AnyFailure;
 use crate::rig::exposure::Devices;
 
-/// Checks that the lens can be measured at a focus `offset` dioptres nearer than the panel's, on
-/// the rig whose calibration is in `slots`.
-///
-/// # Errors
-/// When the offset is out of range, too many other focuses are kept, or there is no calibration.
-pub fn check(config: &config::RigFile, slots: &Path, offset: f32) -> Result<(), AnyFailure> {
-    store::load(slots, config.identity)?.check_offset(offset).map_err(AnyFailure::from)
-}
-
 /// Measures the lens of `devices` at a focus `offset` dioptres nearer than the panel's, and keeps
 /// it in the calibration in `slots`.
 ///

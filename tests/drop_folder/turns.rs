@@ -35,7 +35,7 @@ impl Schedule for Script {
                 format!("{} is {}", report.result, delivered.kept.to_string_lossy())
             }
             JobEnd::Failed(failed) => format!("{} failed", failed.photo),
-            JobEnd::Deferred { failed, .. } => format!("{} deferred", failed.photo),
+            JobEnd::Deferred { path, .. } => format!("{} deferred", path.display()),
             JobEnd::Gone => "gone".into(),
         });
     }
