@@ -99,38 +99,32 @@ pub(super) enum Allowed {
 impl Allowed {
     /// Description of the allowed values if `value` is not one of them.
     pub(super) fn instead_of(&self, value: &Value) -> Option<String> {
-        let (kind, is_of_kind, allowed) = match self {
-            Allowed::Whole(low, high) => {
-                let whole = value.as_integer();
-                let inside = whole.is_some_and(|found| (low..=high).contains(&&found));
-                ("a whole number, ", whole.is_some(), inside)
-            }
-            Allowed::Odd(low, high) => {
-                let odd = |found: i64| found % 2 == 1 && (low..=high).contains(&&found);
-                ("", true, value.as_integer().is_some_and(odd))
-            }
-            Allowed::Of(these) => {
-                ("", true, value.as_integer().is_some_and(|found| these.contains(&found)))
-            }
-            Allowed::Number(low, high) => {
-                let inside = number(value).is_some_and(|found| (low..=high).contains(&&found));
-                ("a number, ", number(value).is_some(), inside)
-            }
-            Allowed::MoreThan(low) => {
-                let above = number(value).is_some_and(|found| found > *low);
-                ("a number, ", number(value).is_some(), above)
-            }
-            Allowed::Truth => ("", true, value.is_bool()),
-            Allowed::Word(words) => {
-                let is_listed = |found: &str| words.iter().any(|one| one.word == found);
-                ("", true, value.as_str().is_some_and(is_listed))
-            }
-            Allowed::Text => ("", true, value.is_str()),
-            Allowed::Such(_, accepts) => ("", true, accepts(value)),
-            Allowed::Fixed => ("", true, true),
-            Allowed::Table(_) | Allowed::Tables(_) | Allowed::ByKind(_) => ("", true, false),
+        let whole = value.as_integer();
+        let kind = match self {
+            Allowed::Whole(..) if whole.is_none() => "a whole number, ",
+            Allowed::Number(..) | Allowed::MoreThan(_) if number(value).is_none() => "a number, ",
+            _ => "",
         };
-        (!allowed).then(|| format!("{}{self}", if is_of_kind { "" } else { kind }))
+        let is_allowed = match self {
+            Allowed::Whole(low, high) => whole.is_some_and(|found| (low..=high).contains(&&found)),
+            Allowed::Odd(low, high) => {
+                whole.is_some_and(|found| found % 2 == 1 && (low..=high).contains(&&found))
+            }
+            Allowed::Of(these) => whole.is_some_and(|found| these.contains(&found)),
+            Allowed::Number(low, high) => {
+                number(value).is_some_and(|found| (low..=high).contains(&&found))
+            }
+            Allowed::MoreThan(low) => number(value).is_some_and(|found| found > *low),
+            Allowed::Truth => value.is_bool(),
+            Allowed::Word(words) => {
+                value.as_str().is_some_and(|found| words.iter().any(|one| one.word == found))
+            }
+            Allowed::Text => value.is_str(),
+            Allowed::Such(_, accepts) => accepts(value),
+            Allowed::Fixed => true,
+            Allowed::Table(_) | Allowed::Tables(_) | Allowed::ByKind(_) => false,
+        };
+        (!is_allowed).then(|| format!("{kind}{self}"))
     }
 }
 

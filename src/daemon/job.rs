@@ -299,7 +299,6 @@ impl Job<'_> {
     /// Restores the photo, repairing the rig and retrying as a failure's remedy demands.
     fn restore(&mut self, photo: &Photo) -> Result<Outcome, JobError> {
         let mut tries = 1;
-        let mut logged = None;
         loop {
             let error = match self.try_to_restore(photo) {
                 Ok(restored) => return Ok(restored),
@@ -311,11 +310,7 @@ impl Job<'_> {
                 return Err(error);
             }
             if repairs {
-                let message = error.to_string();
-                if logged.as_ref() != Some(&message) {
-                    log::warn!("{message}; repairing the rig");
-                }
-                logged = Some(message);
+                log::warn!("{error}; repairing the rig");
                 let repaired = self.restorer.mend(remedy);
                 repaired.map_err(|failure| JobError::Repair { remedy, failure })?;
             }

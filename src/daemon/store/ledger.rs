@@ -19,7 +19,6 @@ use crate::disk::{FileError, Metadata};
 /// Number of attempts ending the program or its worker after which a photo is rejected. Guess.
 pub(crate) const ATTEMPTS_MAX: u32 = 3;
 
-/// The record of one photo under way.
 #[derive(Debug)]
 pub(crate) struct Ledger {
     path: PathBuf,
@@ -95,7 +94,6 @@ impl Ledger {
         self.entry.result.clone().map(OsString::from_vec)
     }
 
-    /// Records the beginning of an attempt.
     pub(crate) fn begin(&mut self, folders: &Folders) -> Result<(), FileError> {
         self.entry.attempts += 1;
         self.entry.result = None;
@@ -116,7 +114,7 @@ impl Ledger {
     /// same.
     pub(super) fn forget_result(&mut self, folders: &Folders) -> Result<(), FileError> {
         self.entry.result = None;
-        folders.files.replace_for_now(&self.path, &self.bytes()?)
+        folders.files.replace_for_now(&self.path, &json(&self.entry, &self.path)?)
     }
 
     pub(super) fn close(&self, folders: &Folders) -> Result<(), FileError> {
@@ -124,10 +122,6 @@ impl Ledger {
     }
 
     fn write(&self, folders: &Folders) -> Result<(), FileError> {
-        folders.files.replace_for_good(&self.path, &self.bytes()?)
-    }
-
-    fn bytes(&self) -> Result<Vec<u8>, FileError> {
-        json(&self.entry, &self.path)
+        folders.files.replace_for_good(&self.path, &json(&self.entry, &self.path)?)
     }
 }
