@@ -61,7 +61,6 @@ impl Redrawn {
     }
 }
 
-/// Measures and prints focus, aim and brightness, `looks` times.
 fn measure_live(view: &mut RigView<'_>, rig: &RigFile, looks: u64) -> Result<(), CliError> {
     let mut report = AlignmentReport::new(rig);
     let mut terminal = Redrawn::new();

@@ -6,7 +6,6 @@ use super::{
     align, calibrate, chart, check, demo, manual, photograph, press, restore, run, shoot, status,
 };
 
-/// The head of `relens help`.
 fn long_about() -> String {
     let rigs: Vec<&str> = relens::config::built_in_names().collect();
     format!(

@@ -7,7 +7,6 @@ use std::path::Path;
 /// Words of the kernel's command line in a report; others may hold addresses and identities.
 const CMDLINE: [&str; 6] = ["video=", "drm", "consoleblank", "imx296", "usbcore", "cma="];
 
-/// Files in a report.
 const FILES: [&str; 5] = [
     "proc/version",
     "proc/device-tree/model",

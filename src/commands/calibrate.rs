@@ -62,7 +62,6 @@ pub(super) struct CalibrateOptions {
     diffuser: bool,
 }
 
-/// Parses a focus offset.
 fn dioptres(word: &str) -> Result<f32, String> {
     let offset = word.parse().map_err(|_| "not a number".to_owned())?;
     focus_offset(offset).map_err(|error| error.to_string())

@@ -18,7 +18,6 @@ use super::output::say;
 use super::photograph::{self, Taken};
 use super::run::empty_inbox;
 
-/// The rig of the demo.
 const RIG: &str = "simulated.toml";
 
 /// The scenes, in order. Photographs come first and last: the gallery begins with the newest.

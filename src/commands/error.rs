@@ -13,7 +13,6 @@ use relens::pipeline::PipelineError;
 use relens::remedy::{AnyFailure, Remedy, full_message};
 use relens::rig::RigError;
 
-/// Why a command failed.
 #[derive(Debug, thiserror::Error)]
 pub(super) enum CliError {
     #[error(transparent)]

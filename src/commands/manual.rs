@@ -24,7 +24,6 @@ pub(super) struct ManOptions {
     out: Option<PathBuf>,
 }
 
-/// Runs `relens completions` for the declaration `command`.
 pub(super) fn completions(
     options: &CompletionsOptions,
     mut command: Command,
@@ -35,7 +34,6 @@ pub(super) fn completions(
     Ok(())
 }
 
-/// Runs `relens man` for the declaration `command`.
 pub(super) fn man(options: &ManOptions, command: Command) -> Result<(), CliError> {
     let mut program = command.disable_help_subcommand(true);
     program.build();
@@ -62,7 +60,6 @@ fn with_examples(page: &str) -> String {
     format!("{before}.SH EXAMPLES\n.nf\n{examples}.fi\n{next}{after}")
 }
 
-/// A manual page and the name of its file.
 struct ManPage {
     file_name: String,
     page: String,

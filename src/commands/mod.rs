@@ -37,7 +37,6 @@ use relens::picture::worker;
 use arguments::{Command, CommandLine};
 use error::CliError;
 
-/// Runs the command in `words`, the program's name first.
 pub(crate) fn run(words: Vec<OsString>) -> ExitCode {
     if words.get(1).is_some_and(|word| word == worker::WORD) {
         return read_photo(words.get(2).map_or(OsStr::new(""), OsString::as_os_str));

@@ -7,7 +7,6 @@ use relens::picture::Format;
 
 use super::error::CliError;
 
-/// The format of a result's file ending.
 pub(super) fn format_of(out: &Path) -> Result<Format, CliError> {
     let extension = out.extension().map(|e| e.to_string_lossy().into_owned()).unwrap_or_default();
     Format::of_extension(&extension).ok_or_else(|| CliError::Format(out.to_owned()))

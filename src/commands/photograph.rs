@@ -42,7 +42,6 @@ pub(super) fn run(options: &PhotographOptions) -> Result<(), CliError> {
     write_new(&options.out, &file_of(&rig, &taken[0].codes, format, &sharp.name)?)
 }
 
-/// A photo of a scene.
 pub(super) struct Taken {
     /// Codes of the developed photo.
     pub(super) codes: Frame<Work, u8>,

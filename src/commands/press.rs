@@ -15,13 +15,11 @@ use super::output::say;
 /// Name of the simulated button's file, in the daemon's folder.
 const NAME: &str = ".relens-button-is-down";
 
-/// Interval between checks for the file, seconds.
 const POLL_S: f64 = 0.01;
 
 /// A short press: well above any debounce time, well below a long press.
 const SHORT: Duration = Duration::from_millis(300);
 
-/// A button pressed by a file.
 pub(super) struct SimulatedButton {
     path: PathBuf,
     level: bool,
@@ -78,7 +76,6 @@ pub(super) fn run(options: &PressOptions) -> Result<(), CliError> {
     Ok(())
 }
 
-/// The message after a press.
 fn message(long: bool, needs_button: bool) -> &'static str {
     match (long, needs_button) {
         (true, _) => "pressed long",

@@ -19,7 +19,6 @@ const ECHO_COLUMNS: u16 = 4;
 
 static QUIET: AtomicBool = AtomicBool::new(false);
 
-/// Suppresses all output but warnings and errors.
 pub(super) fn be_quiet() {
     QUIET.store(true, Ordering::Relaxed);
 }
@@ -76,7 +75,6 @@ pub(super) fn is_drawn() -> bool {
     moves && std::io::stderr().is_terminal()
 }
 
-/// The program's only progress line.
 fn bar() -> &'static ProgressBar {
     static BAR: OnceLock<ProgressBar> = OnceLock::new();
     BAR.get_or_init(|| {

@@ -91,7 +91,6 @@ impl Destination {
         Ok(Destination { format: format_of(&file)?, file: Some(file) })
     }
 
-    /// The file's name for messages.
     fn name(&self) -> &Path {
         self.file.as_deref().unwrap_or(Path::new("standard output"))
     }
@@ -106,7 +105,6 @@ impl Destination {
     }
 }
 
-/// The name of a photo read from standard input.
 const STANDARD_INPUT: &str = "standard input";
 
 /// Whether `path` is `-`, in place of a file.

@@ -29,7 +29,6 @@ use super::progress::PhotoProgress;
 use super::service::service_manager;
 use super::{opening, scene, signals};
 
-/// Seconds between attempts to open the rig.
 const OPEN_AGAIN_S: f64 = 30.0;
 
 /// Watch the drop folder and restore the photos in it
@@ -88,7 +87,6 @@ pub(super) fn run(options: &RunOptions) -> Result<(), CliError> {
     print_summary(&summary, &gallery)
 }
 
-/// Watches the inbox until `stopped`.
 fn watch(
     rig: &RigFile,
     scene: Option<&Frame<Work>>,

@@ -120,7 +120,6 @@ pub(super) fn run(options: &ShootOptions) -> Result<(), CliError> {
     Ok(())
 }
 
-/// Prints the exposures of `shot`, at `gain` times the rig file's.
 fn print_shot(options: &ShootOptions, shot: &PhotoShot, exposure_s: f64, gain: f64) {
     let exposures = match options.frames {
         1 => "1 exposure".to_owned(),

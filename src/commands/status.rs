@@ -42,7 +42,6 @@ pub(super) fn run(options: &StatusOptions) -> Result<(), CliError> {
     Ok(())
 }
 
-/// The output of `--json`.
 #[derive(Serialize)]
 #[serde(rename_all = "kebab-case")]
 struct Status {

@@ -10,32 +10,23 @@ use crate::frame::{Mosaic, PhotoGrid, Rect, Size};
 
 /// A validated rig file.
 #[derive(Debug, Clone)]
+#[allow(missing_docs)] // The tables are described with their types.
 pub struct RigFile {
     /// Name in reports.
     pub name: String,
-    /// Simulated or real.
     pub kind: Kind,
-    /// Photos.
     pub photo: PhotoTable,
-    /// Display.
     pub panel: PanelTable,
     /// Sensor, and the photo's place on it, in binned pixels like all lengths of this struct.
     pub camera: CameraTable,
-    /// Grid of the solver.
     pub canvas: CanvasTable,
     /// Frame marks; without them frames are matched to pictures by time alone.
     pub marks: Option<Marks>,
-    /// Calibration.
     pub calibration: CalibrationTable,
-    /// Restoration.
     pub restore: Restore,
-    /// Parameters of the method `paper`.
     pub paper: PaperTable,
-    /// Start of a restoration.
     pub run: RunTable,
-    /// Restoration at night and drift monitoring, if any.
     pub nights: Option<Nights>,
-    /// Disk space.
     pub disk: DiskTable,
     /// Hash of everything that a calibration depends on; a calibration with another identity is not
     /// of this rig. Seeds, faults and restoration are not part of it. A default is hashed alike

@@ -10,24 +10,17 @@ use crate::frame::Mosaic;
 
 /// A simulated rig.
 #[derive(Debug, Clone)]
+#[allow(missing_docs)] // The parts are described with their types.
 pub struct Simulation {
     /// Seed of noise, faults and jitter.
     pub seed: u64,
-    /// Light from outside the photo's frame.
     pub surround: Surround,
-    /// Lens.
     pub lens: Prescription,
-    /// Veiling glare.
     pub glare: Glare,
-    /// Pose of the panel.
     pub pose: Pose,
-    /// Physics of the display.
     pub display: DisplayTable,
-    /// Physics of the sensor.
     pub sensor: SensorTable,
-    /// Probabilities of faults.
     pub faults: Faults,
-    /// Changes from capture to capture.
     pub unrest: Unrest,
 }
 

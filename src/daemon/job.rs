@@ -44,7 +44,6 @@ pub enum JobEnd {
     Gone,
 }
 
-/// Reason why a photo has no result.
 #[derive(Debug, thiserror::Error)]
 enum JobError {
     #[error(transparent)]
@@ -138,7 +137,6 @@ pub(super) struct Job<'a> {
 pub(super) struct Unsettled(Vec<(std::ffi::OsString, bool)>);
 
 impl Unsettled {
-    /// Moves the photos out of `working`.
     pub(super) fn settle(&mut self, folders: &Folders) -> Result<(), FileError> {
         while let Some((name, delivered)) = self.0.last() {
             settle(folders, name, *delivered)?;
@@ -212,7 +210,6 @@ impl Job<'_> {
         }
     }
 
-    /// Reads, restores and delivers the photo.
     fn attempt(&mut self, photo: &mut Claimed) -> Result<Report, JobError> {
         let attempts = photo.ledger.attempts();
         if attempts >= ATTEMPTS_MAX {

@@ -41,14 +41,12 @@ const MISSING_POLL_S: f64 = 2.0;
 /// Time without a change after which an incomplete photo is reported. Guess.
 const MENTION_S: f64 = 60.0;
 
-/// Progress of a pass over the inbox.
 struct InboxPass {
     patience: Patience,
     /// Time after which a deferred photo is tried again.
     retry_s: f64,
     /// Number of photos begun.
     number: usize,
-    /// Whether the newest photo is next.
     newest_next: bool,
 }
 

@@ -108,7 +108,6 @@ pub fn measure(rig: &mut Devices, file: &RigFile) -> Result<MeasuredTiming, RigE
 /// Mean green counts of the bands from top to bottom, over the middle quarter of the columns.
 type Levels = [f64; BANDS];
 
-/// Levels of settled black and white.
 struct Ends {
     black: Levels,
     white: Levels,

@@ -8,7 +8,6 @@ use crate::frame::{Channel, Codes, FULL_SCALE, Frame, Size, Work};
 pub(super) type PanelColour = [u8; 3];
 
 pub(super) struct Sheet {
-    /// The codes for the panel.
     pub(super) codes: Codes,
 }
 

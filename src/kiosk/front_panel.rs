@@ -69,7 +69,6 @@ pub struct FrontPanel {
 }
 
 impl BoxState {
-    /// Whether a press starts work.
     fn accepts_press(self) -> bool {
         use BoxState::{Done, Ready, Refused, Waiting};
         matches!(self, Ready | Done | Refused | Waiting)

@@ -9,7 +9,6 @@ use crate::disk::files::json;
 use crate::nights::pilot::PilotReading;
 use crate::remedy::full_message;
 
-/// Name of the file beside the calibration's slots.
 const NAME: &str = "pilot.json";
 
 #[derive(Serialize, Deserialize)]

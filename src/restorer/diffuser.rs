@@ -19,7 +19,6 @@ use crate::remedy::{AnyFailure, Remediable, Remedy};
 use crate::rig::exposure::Devices;
 use crate::rig::shoot::{CLIPPED_SHARE_MAX, CountRange, meter, shoot};
 
-/// File name beside the calibration's slots.
 const NAME: &str = "lens-flat.json";
 /// Exposures averaged in a take: the noise of a cell falls far below a thousandth.
 const EXPOSURES: u8 = 16;

@@ -91,7 +91,6 @@ pub(super) fn watch(
     }
 }
 
-/// One reading of the pilot.
 fn read_pilot(
     config: &config::RigFile,
     devices: &mut Devices,

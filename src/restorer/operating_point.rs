@@ -10,9 +10,7 @@ use crate::disk::FileError;
 use crate::pipeline::{Chosen, Setting};
 use crate::remedy::full_message;
 
-/// Name of the file beside the calibration's slots.
 const NAME: &str = "operating-point.toml";
-/// First lines of the file.
 const HEAD: &str = "# Chosen and written by `relens calibrate`, on scenes shown on this rig.\n\n";
 
 #[derive(Serialize, Deserialize)]

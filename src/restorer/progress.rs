@@ -12,7 +12,6 @@ const UNJUDGED_MAX: f32 = 0.99;
 /// The progress before any step.
 pub(super) const STARTED: Progress = Progress { done: 0.0, doing: "solving", captures: 0 };
 
-/// Counts the steps of one photo.
 #[derive(Debug, Clone)]
 pub(super) struct ProgressCounter {
     /// Steps of the first solve and its capture; 0 for a method that solves by captures alone.

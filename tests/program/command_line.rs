@@ -104,7 +104,10 @@ fn wrong_use_ends_with_2_and_a_hint() {
         (&["runn"][..], "'run'"),
         (&["run"], "--rig <RIG.toml>"),
         (&["run", "--rig", "no-such.toml"], "no-such.toml"),
-        (&["run", "--rig", "smal.toml"], "found no rig file smal.toml, allowed a file or a built-in one: simulated.toml"),
+        (
+            &["run", "--rig", "smal.toml"],
+            "found no rig file smal.toml, allowed a file or a built-in one: simulated.toml",
+        ),
         (&["run", "--rig", "small.toml", "--onec"], "'--once'"),
         (&["calibrate", "--rig", "small.toml", "--focus-offset", "near"], "not a number"),
         (&["calibrate", "--rig", "small.toml", "--focus-offset", "1000"], "allowed 0.001 to 10"),

@@ -10,7 +10,6 @@ use crate::deconvolution::stage::ResultStage;
 use crate::frame::Size;
 use crate::pipeline::Confirmation;
 
-/// A photo with a result.
 pub(super) struct GalleryPhoto<'a> {
     pub(super) report: &'a Report,
     /// Number of the photo, 0 for the oldest; part of its address.
@@ -138,7 +137,6 @@ fn pair(html: &mut String, photo: &GalleryPhoto<'_>, up: &str) {
     );
 }
 
-/// Outlines of the areas delivered as they were.
 fn outlines(report: &Report) -> String {
     let outline = |area: &RelativeRect| {
         let RelativeRect { x, y, width, height } = *area;

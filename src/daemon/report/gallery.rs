@@ -21,7 +21,6 @@ use crate::disk::files::json;
 /// Photos averaged to estimate the duration of the next.
 const USUAL: usize = 8;
 
-/// Longest note read.
 const NOTE_BYTES_MAX: u64 = 1 << 20;
 
 /// Folder in the root that may hold the true scenes, under the names of their photos.
@@ -33,7 +32,6 @@ pub(crate) struct Gallery {
     /// Largest number of a report since loading.
     last_number: u64,
     pub(super) failed: Vec<Failed>,
-    /// Numbers of photos waiting in the inbox.
     pub(crate) waiting: Waiting,
     /// Checksums of the photo pages as written.
     written: Vec<u32>,

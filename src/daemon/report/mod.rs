@@ -26,7 +26,6 @@ use summary::Summary;
 pub(super) struct Reporter<'a> {
     folders: Folders,
     clocks: Clocks<'a>,
-    /// State as last written.
     state: State,
     pub(super) gallery: Gallery,
     written: Option<Moment>,
@@ -39,7 +38,6 @@ pub(super) struct Reporter<'a> {
 }
 
 impl<'a> Reporter<'a> {
-    /// Opens the reports on `folders` as `setting` describes.
     pub(super) fn open(
         folders: &Folders,
         setting: &DaemonSetting,

@@ -18,11 +18,9 @@ const LISTED: usize = 5;
 /// Photos on one page.
 pub(super) const PHOTOS: usize = 60;
 
-/// Explains the list of rejected photos.
 const FAILED: &str = "They are in the folder <code>failed</code>, unchanged. To try one again, \
                       move it back into <code>inbox</code>.";
 
-/// Explains the list of deferred photos.
 const DEFERRED: &str = "They are still in the folder <code>inbox</code> and will be tried again.";
 
 /// Address of the photo page `n`, from 1, relative to the outbox.
@@ -30,7 +28,6 @@ pub(super) fn page_address(n: usize) -> String {
     format!("gallery/{}", page_name(n))
 }
 
-/// File name of the photo page `n`.
 pub(super) fn page_name(n: usize) -> String {
     format!("photos-{n}.html")
 }
@@ -89,7 +86,6 @@ pub(super) fn first_page(
     foot(html)
 }
 
-/// Numbers of photos by outcome, in HTML.
 fn counts(numbers: PhotoCounts) -> String {
     let PhotoCounts { restored, untouched, failed, waiting } = numbers;
     let waiting_words = waiting.to_string();

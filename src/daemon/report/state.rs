@@ -10,7 +10,6 @@ use crate::daemon::store::folders::Folders;
 use crate::disk::FileError;
 use crate::disk::files::json_in_lines;
 
-/// Name of the state file in the root.
 const NAME: &str = ".relens-state.json";
 
 /// State of the daemon.

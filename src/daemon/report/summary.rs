@@ -22,7 +22,6 @@ impl PhotoCounts {
         self.restored + self.untouched + self.failed + self.waiting.all()
     }
 
-    /// Counts a photo with a result.
     pub(super) fn add(&mut self, kind: ResultKind) {
         match kind {
             ResultKind::Restored => self.restored += 1,

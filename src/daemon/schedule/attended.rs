@@ -149,7 +149,6 @@ impl<'a> Attended<'a> {
         Screen::Result { photo, untouched: *untouched, words, hint }
     }
 
-    /// Shows what the photos wait for.
     fn rest(&mut self, reason: &str, awaited: Awaited, waiting: usize, rig: &mut dyn Restorer) {
         let (words, others) = (reason.to_owned(), self.incomplete.clone());
         let screen = Screen::Resting { words, photos: waiting, others };
@@ -162,7 +161,6 @@ impl<'a> Attended<'a> {
         );
     }
 
-    /// Holds the photos until the button is pressed.
     fn wait_for_button(&mut self, photos: usize, rig: &mut dyn Restorer) -> Turn {
         let hint = format!("{}: press the button.", photos_wait(photos));
         let others = self.incomplete.clone();

@@ -62,7 +62,6 @@ impl Times<'_> {
 struct Night {
     warm_up: Option<WarmUp>,
     next_pilot: Moment,
-    /// Photos since the last pilot.
     photos: usize,
     /// Whether the drift by the last pilot was past a limit.
     drifted: bool,
@@ -170,7 +169,6 @@ impl<'a> Nightly<'a> {
         end
     }
 
-    /// Shows a pilot and acts on it.
     fn prove(&mut self, rig: &mut dyn Restorer) -> MayRestore {
         match rig.pilot().map_err(DaemonError::of_rig)? {
             Some(drift) => self.judge(drift, rig),
@@ -228,7 +226,6 @@ impl<'a> Nightly<'a> {
         Ok(())
     }
 
-    /// Continues a withdrawal until it is complete.
     fn continue_withdrawal(&mut self) -> MayRestore {
         if !self.record.is_withdrawing {
             return Ok(());
@@ -243,7 +240,6 @@ impl<'a> Nightly<'a> {
         Ok(())
     }
 
-    /// Waits for the rig to become steady.
     fn warm_up(&mut self, rig: &mut dyn Restorer) -> MayRestore {
         const REASON: &str = "the rig is warming up";
         let now = self.now();

@@ -113,7 +113,6 @@ impl<'a> Shooting<'a> {
         }
     }
 
-    /// Notes requests of the button.
     pub(super) fn request(&mut self, go: bool, postpone: bool) {
         self.go |= go;
         self.postpone |= postpone;
@@ -281,7 +280,6 @@ impl<'a> Shooting<'a> {
         Ok(true)
     }
 
-    /// Searches for the panel and checks its position.
     fn search_panel(&mut self, front: &mut Front<'_, '_>) -> Result<(), DaemonError> {
         // Test pictures replace the screen.
         front.before.forget_screen();
@@ -363,7 +361,6 @@ impl<'a> Shooting<'a> {
         self.stage = Stage::Ask { since, search_at: Moment(now.0 + in_s), words };
     }
 
-    /// Shows what the waiting photos wait for.
     fn wait(&self, asked: Question, now: Moment, front: &mut Front<'_, '_>) -> Result<bool, Turn> {
         match &self.stage {
             Stage::Aim | Stage::There => Ok(false),

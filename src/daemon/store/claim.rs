@@ -36,7 +36,6 @@ pub(crate) fn flat_name(path: &Path) -> OsString {
     path.iter().collect::<Vec<&OsStr>>().join(OsStr::new("-"))
 }
 
-/// A photo in `working`.
 pub(crate) struct Claimed {
     pub(crate) path: PathBuf,
     pub(crate) name: OsString,

@@ -8,7 +8,6 @@ use std::path::Path;
 use crate::disk::{FileKind, Files};
 use crate::picture::{HEAD_BYTES, is_companion};
 
-/// Whether `name` begins with a dot.
 pub(crate) fn is_hidden(name: &OsStr) -> bool {
     name.as_bytes().starts_with(b".")
 }

@@ -19,7 +19,6 @@ use crate::rig::Moment;
 /// Depth of subfolders scanned. Guess: photos are not nested deeper.
 const DEPTH_MAX: usize = 8;
 
-/// Waiting times of files, seconds.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Patience {
     /// Time without a change after which a file is opened.
@@ -37,7 +36,6 @@ pub(crate) struct Patience {
 struct SeenFile {
     metadata: Metadata,
     since: Moment,
-    /// Whether the file is a companion of photos, by its name and content.
     is_companion: bool,
     /// What the file with this `metadata` lacks, if anything; `None` before it was examined.
     missing: Option<Option<String>>,
@@ -56,7 +54,6 @@ impl SeenFile {
     }
 }
 
-/// Retry time of a photo that was put back.
 #[derive(Debug)]
 struct Retry {
     metadata: Option<Metadata>,
@@ -80,7 +77,6 @@ pub(crate) struct Inbox {
     companions: usize,
 }
 
-/// Result of a scan.
 #[derive(Debug)]
 pub(crate) struct Ready {
     /// Paths of photos that may be taken, oldest first.
@@ -90,7 +86,6 @@ pub(crate) struct Ready {
 }
 
 impl Inbox {
-    /// An inbox not scanned yet, with its events.
     pub(crate) fn new(hints: Hints) -> Inbox {
         Inbox { hints, ..Inbox::default() }
     }
@@ -256,7 +251,6 @@ impl Inbox {
         self.deferred.values().cloned().collect()
     }
 
-    /// Whether the photo at `path` was deferred before.
     pub(crate) fn is_deferred(&self, path: &Path) -> bool {
         self.deferred.contains_key(path)
     }
@@ -267,7 +261,6 @@ impl Inbox {
     }
 }
 
-/// Files and folders found in the inbox.
 #[derive(Default)]
 struct InboxScan {
     found: Vec<(PathBuf, Metadata)>,

@@ -4,7 +4,6 @@
 use std::ffi::{OsStr, OsString};
 use std::os::unix::ffi::OsStrExt;
 
-/// Prefix of the names of records in `working`.
 pub(super) const RECORD_PREFIX: &str = ".ledger-";
 
 pub(crate) fn report_name(result: &OsStr) -> OsString {
@@ -16,7 +15,6 @@ pub(crate) fn note_name(photo: &OsStr) -> OsString {
     with_suffix(photo, ".txt")
 }
 
-/// Name of the record of `photo` in `working`.
 pub(super) fn record_name(photo: &OsStr) -> OsString {
     format!("{RECORD_PREFIX}{}", id(photo)).into()
 }

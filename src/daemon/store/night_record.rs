@@ -7,7 +7,6 @@ use super::report_file::Delivered;
 use crate::disk::FileError;
 use crate::disk::files::json;
 
-/// Name of the file in the root.
 const NAME: &str = ".relens-night.json";
 
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]

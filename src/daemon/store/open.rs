@@ -14,7 +14,6 @@ use super::recover;
 use crate::daemon::error::DaemonError;
 use crate::disk::{Disk, FileError, Files};
 
-/// Name of the lock file in the root.
 const LOCK: &str = ".relens-lock";
 
 impl Folders {
