@@ -22,7 +22,7 @@ use crate::daemon::store::night_record::NightRecord;
 use crate::daemon::store::waiting::Awaited;
 use crate::daemon::store::withdraw::is_in_place;
 use crate::nights::pilot::Drift;
-use crate::nights::trust::{Calendar, Trust, unix_s};
+use crate::nights::trust::{Calendar, unix_s};
 use crate::nights::warm_up::{WARM_UP_MAX_MIN, WarmUp, Warmth};
 use crate::nights::window::{Hours, Window};
 use crate::remedy::{Remedy, full_message};
@@ -126,15 +126,7 @@ impl<'a> Nightly<'a> {
     /// Begins or ends the night according to the hours.
     fn hours(&mut self, rig: &mut dyn Restorer) -> MayRestore {
         let (now, unix_s) = (self.now(), self.times.unix_s());
-        let unknown = match self.calendar.judge(unix_s, (self.times.is_set)()) {
-            Trust::Trusted => None,
-            Trust::NotSet => Some("no network has set the clock yet"),
-            Trust::Past => Some(
-                "the clock shows an earlier time than before: set it; if the time is correct now, \
-                 let the network set it",
-            ),
-        };
-        if let Some(why) = unknown {
+        if let Err(why) = self.calendar.judge(unix_s, (self.times.is_set)()) {
             self.night = None;
             return hold(Awaited::Window, &format!("the time is unknown: {why}"), None);
         }
