@@ -147,7 +147,7 @@ impl Gallery {
         files.replace_for_now(&previews.join("report.json"), &json(&overview, outbox)?)?;
         let names = names_script(&self.reports, outbox)?;
         files.replace_for_now(&previews.join("names.js"), &names)?;
-        let html = page::first_page(&overview, &shown, super::now::address(folders).as_deref());
+        let html = page::first_page(&overview, &shown);
         files.replace(&outbox.join("index.html"), html.as_bytes())
     }
 }

@@ -6,18 +6,12 @@ use super::state::Doing;
 use crate::daemon::store::folders::Folders;
 use crate::disk::FileError;
 
-/// Name of the status line's file beside the gallery's pictures.
-const NAME: &str = "now.html";
-
-/// Address of the status line, relative to the outbox; `None` until it is written.
-pub(super) fn address(folders: &Folders) -> Option<String> {
-    let exists = folders.files.metadata(&folders.previews.join(NAME)).is_ok();
-    exists.then(|| format!("gallery/{NAME}"))
-}
+/// Address of the status line, relative to the outbox.
+pub(super) const ADDRESS: &str = "gallery/now.html";
 
 pub(super) fn write(folders: &Folders, doing: &Doing, now_unix_s: u64) -> Result<(), FileError> {
     let bytes = line(doing, now_unix_s);
-    folders.files.replace_for_now(&folders.previews.join(NAME), bytes.as_bytes())
+    folders.files.replace_for_now(&folders.outbox.join(ADDRESS), bytes.as_bytes())
 }
 
 fn line(doing: &Doing, now_unix_s: u64) -> String {

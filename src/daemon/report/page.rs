@@ -7,6 +7,7 @@ use serde::Serialize;
 
 use super::card::{GalleryPhoto, card, thumbnail};
 use super::html::{escape, moment};
+use super::now;
 use super::summary::PhotoCounts;
 use crate::daemon::store::names::address;
 use crate::daemon::store::report_file::{Failed, Report};
@@ -50,21 +51,15 @@ pub(super) struct Overview<'a> {
     pub(super) deferred: &'a [Failed],
 }
 
-/// The first page: counts, failures, the newest of `all` photos, and the status line at the address
-/// `now`.
-pub(super) fn first_page(
-    overview: &Overview<'_>,
-    all: &[GalleryPhoto<'_>],
-    now: Option<&str>,
-) -> String {
+/// The first page: counts, status line, failures, and the newest of `all` photos.
+pub(super) fn first_page(overview: &Overview<'_>, all: &[GalleryPhoto<'_>]) -> String {
     let &Overview { rig, counts: numbers, failed, deferred, written_unix_s, .. } = overview;
     let mut html = head(&format!("<p>{}</p>\n", counts(numbers)), "", all.len());
-    if let Some(now) = now {
-        let _ = writeln!(
-            html,
-            "<iframe class=\"now\" title=\"Status of the box\" src=\"{now}\"></iframe>"
-        );
-    }
+    let _ = writeln!(
+        html,
+        "<iframe class=\"now\" title=\"Status of the box\" src=\"{}\"></iframe>",
+        now::ADDRESS
+    );
     list(&mut html, "Failed", FAILED, failed, Some("../failed/"));
     list(&mut html, "Waiting", DEFERRED, deferred, None);
     if all.is_empty() {
@@ -226,14 +221,13 @@ mod tests {
         photos: &[GalleryPhoto<'_>],
         failed: &[Failed],
         deferred: &[Failed],
-        now: Option<&str>,
     ) -> String {
         let waiting = Waiting { settling: 2, ..Waiting::default() };
         let mut counts = PhotoCounts { failed: failed.len(), waiting, ..PhotoCounts::default() };
         photos.iter().for_each(|photo| counts.add(photo.report.outcome));
         let (written_unix_s, all) = (0, &[]);
         let overview = Overview { rig, written_unix_s, counts, photos: all, failed, deferred };
-        first_page(&overview, photos, now)
+        first_page(&overview, photos)
     }
 
     #[test]
@@ -249,7 +243,7 @@ mod tests {
             original: Some("../done/a.jpg".into()),
             scene: None,
         }];
-        let html = page("small", &photos, &failed, &[], None);
+        let html = page("small", &photos, &failed, &[]);
         for wanted in [
             "gallery/1-before.jpg",
             "gallery/1-after.jpg",
@@ -277,7 +271,7 @@ mod tests {
             .map(|n| Failed { photo: format!("{n}.jpg"), reason: "not a photo".into() })
             .collect();
         for (count, open) in [(2, true), (400, false)] {
-            let html = page("small", &[], &failed[..count], &[], None);
+            let html = page("small", &[], &failed[..count], &[]);
             let list = html.split("<details class=\"aside failed\"").nth(1).unwrap();
             assert_eq!(list.starts_with(" open>"), open);
             assert!(list.contains(&format!("<summary>Failed: {count}</summary>")), "{count}");
@@ -290,9 +284,9 @@ mod tests {
         let failed = [Failed { photo: name.into(), reason: format!("{name}: <img src=x>") }];
         let report = report_of(name);
         let photos = [GalleryPhoto { report: &report, number: 0, original: None, scene: None }];
-        let html = page("<b>rig", &photos, &failed, &failed, None);
+        let html = page("<b>rig", &photos, &failed, &failed);
         assert_eq!(html.matches("<script>").count(), 2, "the page's own");
-        let html = html + &page("small", &[], &[], &[], Some("gallery/now.html"));
+        let html = html + &page("small", &[], &[], &[]);
         assert!(
             !html.contains("<img src=x>") && !html.contains("<b>rig") && !html.contains('\u{202e}')
         );
