@@ -37,9 +37,8 @@ use super::{opening, progress};
 ///
 /// With operating-point = "fast", "balanced" or "best" in [restore] of the rig file it then shows
 /// known scenes, restores them with several settings, and keeps the chosen one in
-/// DIR/calibration/operating-point.toml, by which photos are restored from then on. `best` is the
-/// best setting. The others are the fastest within 0.002 SSIM (`fast`: 0.01) of the best among the
-/// settings that take no longer than the rig file's own and have no less PSNR (`fast`: 1 dB less).
+/// DIR/calibration/operating-point.toml, by which photos are restored from then on: the fastest with
+/// 90 %, 98 % or all of the highest gain.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
