@@ -119,6 +119,9 @@ pub(super) fn run(options: &RestoreOptions) -> Result<(), CliError> {
         return Err(CliError::OneReport(photos.len()));
     }
     check_place(options)?;
+    if let Some(report) = &options.report {
+        must_be_new(report)?;
+    }
     let restorer = || {
         let (folder, method) = (&options.folder.folder, options.method);
         opening::restorer(&rig, folder, method, None, opening::devices)

@@ -231,6 +231,11 @@ fn a_bad_photo_stops_no_other_of_several() {
     let said = text(&relens(&words(&["sharp.png", "-o", "other.tif"]), folder.path()).stdout);
     assert!(said.contains("the photo as it is, written as TIFF;"), "{said}");
     assert!(said.contains("smaller, 256×192 instead of 512×384"), "{said}");
+    // A report is a new file, too, which is checked before the photo is restored.
+    let taken = words(&["photo.png", "-o", "new.png", "--report", "photo.png"]);
+    let output = relens(&taken, folder.path());
+    assert_eq!(output.status.code(), Some(2));
+    assert!(text(&output.stderr).contains("photo.png exists already") && !at("new.png").exists());
     // With -q only errors are printed.
     let output = relens(&words(&["-q", "photo.png", "-o", "quiet.png"]), folder.path());
     assert!(output.status.success() && output.stdout.is_empty() && output.stderr.is_empty());
