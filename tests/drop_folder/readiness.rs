@@ -356,7 +356,7 @@ fn links_to_folders_are_not_entered_and_nested_folders_are_refused() {
     let other = other.path();
     std::fs::create_dir_all(other.join("inbox/results")).unwrap();
     std::os::unix::fs::symlink(other.join("inbox/results"), other.join("outbox")).unwrap();
-    let refused = Folders::open(other).unwrap_err().to_string();
+    let refused = Folders::open(other).err().unwrap().to_string();
     assert!(
         refused.contains("inbox/results is inside") && refused.contains("must be separate"),
         "{refused}"

@@ -83,7 +83,8 @@ fn a_folder_has_one_daemon_and_a_state_file() {
     assert_eq!((state.doing, state.counts.restored), (Doing::Ended, 1));
     let held = Folders::open(root).unwrap();
     assert!(Folders::in_use(root));
-    assert!(Folders::open(root).unwrap_err().to_string().contains("in use by another relens"));
+    let refused = Folders::open(root).err().unwrap().to_string();
+    assert!(refused.contains("in use by another relens"), "{refused}");
     drop(held);
     assert!(!Folders::in_use(root));
 }

@@ -62,6 +62,7 @@ impl Times<'_> {
 struct Night {
     warm_up: Option<WarmUp>,
     next_pilot: Moment,
+    /// Photos since the last pilot.
     photos: usize,
     /// Whether the drift by the last pilot was past a limit.
     drifted: bool,

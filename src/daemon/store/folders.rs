@@ -35,12 +35,6 @@ pub struct Folders {
     _lock: Option<Arc<File>>,
 }
 
-impl std::fmt::Debug for Folders {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Folders").field("root", &self.root).finish_non_exhaustive()
-    }
-}
-
 impl Folders {
     /// The folders at `places`, in the order of [`NAMES`], kept from other processes by `lock`.
     pub(super) fn at(
