@@ -11,7 +11,7 @@ mod sites;
 mod tests;
 
 use crate::config::RigFile;
-use crate::frame::{Codes, Counts, Mosaic};
+use crate::frame::{Codes, Counts};
 use crate::rig::RigError;
 use crate::rig::exposure::Devices;
 use crate::rig::shoot::clipped_share;
@@ -47,12 +47,9 @@ pub struct Brightness {
 /// A rig under alignment.
 pub struct RigView<'a> {
     devices: &'a mut Devices,
-    mosaic: Option<Mosaic>,
     sites: GreenSites,
     black: f64,
     count_max: u16,
-    pattern: Codes,
-    dots: Codes,
     /// The last exposure of the focus pattern, while the panel shows it.
     last: Option<Counts>,
 }
@@ -63,17 +60,7 @@ impl<'a> RigView<'a> {
         let panel = devices.panel.size();
         let sites = GreenSites::behind(rig.mosaic());
         let count_max = rig.camera.count_max();
-        let (pattern, dots) = (sharpness::pattern(panel), dots::picture(panel));
-        let mut view = RigView {
-            devices,
-            mosaic: rig.mosaic(),
-            sites,
-            black: 0.0,
-            count_max,
-            pattern,
-            dots,
-            last: None,
-        };
+        let mut view = RigView { devices, sites, black: 0.0, count_max, last: None };
         let dark = view.capture(&Codes::filled(panel, 0))?;
         view.black = sites.light(&dark, 0.0).mean();
         Ok(view)
@@ -84,7 +71,7 @@ impl<'a> RigView<'a> {
     pub fn measure_focus(&mut self) -> Result<FocusReading, RigError> {
         let first = match self.last.take() {
             Some(counts) => counts,
-            None => self.devices.capture(&self.pattern)?.counts,
+            None => self.capture(&sharpness::pattern(self.devices.panel.size()))?,
         };
         let second = self.devices.expose()?.counts;
         let (sharpness, light) = Sharpness::of(&first, &second, self.sites, self.black);
@@ -97,7 +84,7 @@ impl<'a> RigView<'a> {
     pub fn measure_brightness(&mut self) -> Result<Brightness, RigError> {
         let white = Codes::filled(self.devices.panel.size(), 255);
         let counts = self.capture(&white)?;
-        let clipped_share = clipped_share(&counts, self.mosaic, self.count_max);
+        let clipped_share = clipped_share(&counts, self.sites.mosaic, self.count_max);
         let light = self.sites.light(&counts, self.black);
         self.devices.camera.give_back(counts);
         let means = sites::means(&light);
@@ -113,8 +100,7 @@ impl<'a> RigView<'a> {
     /// Captures the dots and measures the panel's position; `None` if its middle is not in view.
     pub fn measure_aim(&mut self) -> Result<Option<Aim>, RigError> {
         let panel = self.devices.panel.size();
-        self.last = None;
-        let counts = self.devices.capture(&self.dots)?.counts;
+        let counts = self.capture(&dots::picture(panel))?;
         let light = self.sites.light(&counts, self.black);
         let found = dots::find(&light, self.sites, self.range(), panel);
         let aim = found.and_then(|dots| Aim::of(&dots.pairs, dots.mirrored, panel, counts.size()));

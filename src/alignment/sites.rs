@@ -12,7 +12,6 @@ pub(super) fn place_of(x: usize, y: usize, size: Size) -> usize {
     (y * SIDE / size.height.max(1)) * SIDE + (x * SIDE / size.width.max(1)).min(SIDE - 1)
 }
 
-/// Mean of `light` at each place.
 pub(super) fn means(light: &Plane) -> [f64; PLACES] {
     let (mut sums, mut count) = ([0.0; PLACES], [0.0f64; PLACES]);
     for y in 0..light.height() {
@@ -28,7 +27,7 @@ pub(super) fn means(light: &Plane) -> [f64; PLACES] {
 /// Green sites: all sites of a sensor without filters, or one of green's two phases behind filters.
 #[derive(Debug, Clone, Copy)]
 pub struct GreenSites {
-    mosaic: Option<Mosaic>,
+    pub(super) mosaic: Option<Mosaic>,
 }
 
 impl GreenSites {
@@ -46,12 +45,10 @@ impl GreenSites {
         1 + usize::from(self.are_filtered())
     }
 
-    /// Rows that contain green sites.
     pub(super) fn rows(self, size: Size) -> impl Iterator<Item = usize> {
         (0..size.height).step_by(self.step())
     }
 
-    /// First column that contains green sites.
     pub(super) fn first_column(self) -> usize {
         usize::from(self.mosaic.is_some_and(|m| m.colour_at(0, 0) != Channel::Green))
     }

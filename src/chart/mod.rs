@@ -87,14 +87,13 @@ impl Chart {
         let title = format!("Speed against accuracy, rig {}", rig.name);
         Chart {
             stem: format!("{}-speed-accuracy", rig.name),
-            drawing: scatter::draw(trade, &scatter::Words { title, megapixels, below }),
+            drawing: scatter::draw(trade, &title, megapixels, &below),
             summary: trade.table(caption(rig, trade, &photos, notes), megapixels),
             scores: trade.score_table(format!("Rig {}, photo by photo.", rig.name)),
         }
     }
 }
 
-/// Describes the photos of `trade`.
 fn photos(rig: &RigFile, trade: &Trade) -> String {
     let scores = trade.points.first().map_or(&[][..], |point| &point.scores);
     let takes = scores.iter().map(|score| score.take + 1).max().unwrap_or(1);

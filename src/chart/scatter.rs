@@ -2,7 +2,7 @@
 //! settings of a method joined by lines, and labels beside their points.
 
 use super::axes::{Axes, ValueScale};
-use super::drawing::{Anchor, Drawing, HARM, INK, Stroke};
+use super::drawing::{Anchor, Colour, Drawing, HARM, INK, Stroke};
 use super::labels::{self, Area, Label};
 use super::marks::mark_of;
 use super::trade::{Measure, Point, Trade};
@@ -10,35 +10,27 @@ use super::trade::{Measure, Point, Trade};
 const WIDTH: f64 = 1000.0;
 const FIELD: [f64; 4] = [70.0, 84.0, 980.0, 560.0];
 const RADIUS: f64 = 5.0;
+/// Colour of the front.
+const FRONT: Colour = Colour(0xd4, 0xd4, 0xd4);
 const MEASURE: Measure = Measure::Ssim;
 /// Room below the untouched photos, as a share of the largest gain; lower points become arrows.
 const ROOM_BELOW: f64 = 0.2;
 /// Room above the best point, as a share of its distance from 1.
 const ROOM_ABOVE: f64 = 0.15;
 
-/// Texts around a chart.
-#[derive(Debug, Clone)]
-pub struct Words {
-    /// The heading.
-    pub title: String,
-    /// Size of a photo, megapixels.
-    pub megapixels: f64,
-    /// Lines below the chart: photos, machine, command.
-    pub below: Vec<String>,
-}
-
-/// Draws the chart of `trade`.
-pub fn draw(trade: &Trade, words: &Words) -> Drawing {
+/// Draws the chart of `trade`, of photos of `megapixels`, with lines `below` it on photos, machine
+/// and command.
+pub fn draw(trade: &Trade, title: &str, megapixels: f64, below: &[String]) -> Drawing {
     let [left, top, right, bottom] = FIELD;
-    let mut sheet = Drawing::light_and_dark(WIDTH, bottom + 56.0 + 16.0 * words.below.len() as f64);
-    sheet.words(&words.title, [left, 28.0], Anchor::Start, 18.0);
+    let mut sheet = Drawing::light_and_dark(WIDTH, bottom + 56.0 + 16.0 * below.len() as f64);
+    sheet.words(title, [left, 28.0], Anchor::Start, 18.0);
     let key = "hollow: no captures; dashed: time including captures; ring: the rig file's setting; \
                grey line: settings that none beats in both;";
     sheet.words(key, [left, 49.0], Anchor::Start, 12.0);
     let key = "bars: standard deviation over the photos of the difference from the rig file's \
                setting";
     sheet.words(key, [left, 66.0], Anchor::Start, 12.0);
-    if let Some(panel) = ScatterPanel::new(trade, words.megapixels) {
+    if let Some(panel) = ScatterPanel::new(trade, megapixels) {
         panel.frame(&mut sheet);
         sheet.line(&panel.front(), Stroke::new(FRONT, 5.0));
         panel.bars(&mut sheet);
@@ -49,7 +41,7 @@ pub fn draw(trade: &Trade, words: &Words) -> Drawing {
     let axis = "processor seconds a megapixel (logarithmic)";
     sheet.words(axis, [(left + right) / 2.0, bottom + 36.0], Anchor::Middle, 13.0);
     sheet.words_upwards("SSIM", [22.0, (top + bottom) / 2.0], 13.0);
-    for (n, line) in words.below.iter().enumerate() {
+    for (n, line) in below.iter().enumerate() {
         sheet.words(line, [left, bottom + 58.0 + 16.0 * n as f64], Anchor::Start, 12.0);
     }
     sheet
@@ -65,7 +57,6 @@ struct ScatterPanel<'a> {
 }
 
 impl<'a> ScatterPanel<'a> {
-    /// The panel of `trade`; `None` without points.
     fn new(trade: &'a Trade, megapixels: f64) -> Option<ScatterPanel<'a>> {
         let photo = trade.photo(MEASURE)?;
         let results = trade.points.iter().filter_map(|point| point.result(MEASURE));
@@ -221,8 +212,6 @@ impl<'a> ScatterPanel<'a> {
         labels::draw(sheet, &names, Area(FIELD), &obstacles);
     }
 }
-
-const FRONT: super::drawing::Colour = super::drawing::Colour(0xd4, 0xd4, 0xd4);
 
 /// Small areas along a segment, as obstacles that keep labels off it.
 fn along([from, to]: [[f64; 2]; 2]) -> impl Iterator<Item = Area> {

@@ -1,7 +1,7 @@
 //! Checks of a rig by trial captures; each check has its own error.
 
 use super::error::{CONTRAST_MIN, CalibrateError, RESIDUAL_MAX, SATURATED_MAX};
-use super::linearity::{BENT_MAX, Linearity};
+use super::linearity::BENT_MAX;
 use crate::calibration::geometric::{Geometry, Pair};
 use crate::frame::{Channel, Counts, Plane, Size};
 
@@ -128,19 +128,15 @@ pub(super) fn repeats(difference: f64, noise: f64) -> Result<(), CalibrateError>
     Ok(())
 }
 
-/// Checks the linearity of `channel`.
-pub(super) fn straight(channel: Channel, linearity: &Linearity) -> Result<(), CalibrateError> {
-    match linearity.bend() {
-        None => Ok(()),
-        Some((times, found)) => {
-            let [least, most] = [1.0 - BENT_MAX, 1.0 + BENT_MAX].map(|share| share * times);
-            let found = format!(
-                "{times} times the exposure gives {found:.2} times the counts, allowed {least:.2} \
-                 to {most:.2}"
-            );
-            Err(CalibrateError::NotLinear(channel, found))
-        }
-    }
+/// Checks that `channel` has no `bend`: a multiple of the exposure and of the counts.
+pub(super) fn straight(channel: Channel, bend: Option<(f64, f64)>) -> Result<(), CalibrateError> {
+    let Some((times, found)) = bend else { return Ok(()) };
+    let [least, most] = [1.0 - BENT_MAX, 1.0 + BENT_MAX].map(|share| share * times);
+    let found = format!(
+        "{times} times the exposure gives {found:.2} times the counts, allowed {least:.2} to \
+         {most:.2}"
+    );
+    Err(CalibrateError::NotLinear(channel, found))
 }
 
 /// The error for counts that no increasing curve explains.
@@ -149,7 +145,6 @@ pub(super) fn no_curve() -> CalibrateError {
     CalibrateError::NotLinear(Channel::Green, found)
 }
 
-/// Checks that the panel covers the whole canvas.
 pub(super) fn on_panel(geometry: &Geometry, panel: Size) -> Result<(), CalibrateError> {
     let d = geometry.work_to_panel.x.domain();
     for (x, y) in [(d.left, d.top), (d.right, d.top), (d.left, d.bottom), (d.right, d.bottom)] {

@@ -43,26 +43,13 @@ pub(super) const BENT_MAX: f64 = 0.1;
 /// after restoring the exposure. The first capture after a change may have the previous exposure.
 pub(super) const CAPTURES: usize = TIMES.len() * (2 + CAPTURES_EACH) + 1;
 
-/// Counts over black of one light at two and three times the exposure, relative to those at one.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Linearity {
-    /// The ratios, ideally 2 and 3.
-    pub ratios: [f64; 2],
-}
-
-impl Linearity {
-    /// Linearity of a light that gives `counts` over black at [`TIMES`] the exposure.
-    pub(super) fn of(counts: [f64; 3]) -> Linearity {
-        Linearity { ratios: [counts[1] / counts[0], counts[2] / counts[0]] }
-    }
-
-    /// The first multiple of the exposure at which the counts deviate too much, with their ratio.
-    pub(super) fn bend(&self) -> Option<(f64, f64)> {
-        let mut ratios = TIMES[1..].iter().copied().zip(self.ratios);
-        let allowed = 1.0 - BENT_MAX..=1.0 + BENT_MAX;
-        // Negated so that NaN deviates too.
-        ratios.find(|(times, found)| !allowed.contains(&(found / times)))
-    }
+/// The first multiple of the exposure at which the `counts` over black of one light, at [`TIMES`]
+/// the exposure, deviate too much, with their ratio to the first.
+fn bend(counts: [f64; 3]) -> Option<(f64, f64)> {
+    let mut ratios = TIMES.into_iter().zip(counts.map(|count| count / counts[0]));
+    let allowed = 1.0 - BENT_MAX..=1.0 + BENT_MAX;
+    // Negated so that NaN deviates too.
+    ratios.find(|(times, found)| !allowed.contains(&(found / times)))
 }
 
 /// Measures the camera's curve, given the counts of a `black` panel. The curve is straight if the
@@ -79,9 +66,7 @@ pub(super) fn measure(
     let black = black.planes().iter().map(Plane::mean).sum::<f64>() / 3.0;
     let full = f64::from(session.layout.saturated) - black;
     for (c, lights) in Channel::ALL.into_iter().zip(&lights) {
-        let linearity = brightest_linearity(lights, full).ok_or_else(judge::no_curve)?;
-        log::debug!("{}: {linearity:.3?}", c.name());
-        judge::straight(c, &linearity)?;
+        judge::straight(c, bend(brightest(lights, full).ok_or_else(judge::no_curve)?))?;
     }
     let curve = CameraCurve::fit(&lights.concat(), black, full).ok_or_else(judge::no_curve)?;
     log::debug!("the camera's counts bend by {:.4} of full scale: {curve:?}", curve.bend());
@@ -100,14 +85,14 @@ fn lights(session: &mut Session<'_>) -> Result<Option<[Vec<Exposures>; 3]>, Cali
     Ok(Some(cells?.map(group)))
 }
 
-/// The linearity of the brightest light that stays below the knee of a sensor with `full` counts.
-fn brightest_linearity(lights: &[Exposures], full: f64) -> Option<Linearity> {
+/// Counts of the brightest light that stays below the knee of a sensor with `full` counts.
+fn brightest(lights: &[Exposures], full: f64) -> Option<[f64; 3]> {
     let complete = lights
         .iter()
         .rev()
         .filter_map(|light| <[(f64, f64); 3]>::try_from(light.readings.as_slice()).ok());
     let mut counts = complete.map(|readings| readings.map(|(_, count)| count));
-    counts.find(|counts| counts[2] <= JUDGED_SHARE * full).map(Linearity::of)
+    counts.find(|counts| counts[2] <= JUDGED_SHARE * full)
 }
 
 /// Mean counts over black of a cell at each exposure; `None` where they are clipped or uneven.
@@ -195,12 +180,12 @@ mod tests {
 
     #[test]
     fn counts_proportional_to_the_exposure_are_straight_and_a_gamma_is_not() {
-        let linearity = |gamma: f64| Linearity::of(TIMES.map(|times| 250.0 * times.powf(gamma)));
+        let bend = |gamma: f64| bend(TIMES.map(|times| 250.0 * times.powf(gamma)));
         for gamma in [0.95, 0.98, 1.0, 1.05] {
-            assert!(linearity(gamma).bend().is_none(), "{gamma}");
+            assert!(bend(gamma).is_none(), "{gamma}");
         }
         for gamma in [0.45, 0.6, 0.8, 1.2, 2.2, f64::NAN] {
-            assert!(linearity(gamma).bend().is_some(), "{gamma}");
+            assert!(bend(gamma).is_some(), "{gamma}");
         }
     }
 }

@@ -71,7 +71,7 @@ pub fn calibrate(
     let mut calibration = blank(config, geometry);
     calibration.camera_curve = session.curve.clone();
     calibration.generation = previous.map_or(1, |p| p.generation.wrapping_add(1));
-    photometric::black(&mut calibration, config, &black)?;
+    photometric::black(&session, &mut calibration, &black)?;
     if let Some(flats) = &flats {
         sites::pattern(&session, &mut calibration, flats)?;
     }

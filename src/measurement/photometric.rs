@@ -3,8 +3,7 @@
 use super::CalibrateError;
 use super::session::{Session, difference, rim_px, smooth};
 use crate::calibration::cross_channel::{self, BlockReading};
-use crate::calibration::{Calibration, CrossChannel, Layout, dark_corner as surfaces, response};
-use crate::config;
+use crate::calibration::{Calibration, CrossChannel, dark_corner as surfaces, response};
 use crate::frame::{Channel, Frame, Plane, Rect, SensorSpace, Size};
 use crate::patterns::{self, Gradation, GradationBlock};
 
@@ -13,15 +12,13 @@ pub(super) const GRADATIONS: usize = 3;
 /// Number of levels of a gradation: every fifth code, with seven blocks each on the default rig.
 const LEVELS: usize = 52;
 
-/// Fits the black level.
 pub(super) fn black(
+    session: &Session<'_>,
     calibration: &mut Calibration,
-    config: &config::RigFile,
     black: &Frame<SensorSpace>,
 ) -> Result<(), CalibrateError> {
-    let layout = Layout::of(config);
     for c in Channel::ALL {
-        calibration.black[c.index()] = smooth(black.plane(c), &layout, 0, "black level")?;
+        calibration.black[c.index()] = smooth(black.plane(c), &session.layout, 0, "black level")?;
     }
     Ok(())
 }

@@ -16,7 +16,8 @@ pub use gradation::{Gradation, GradationBlock};
 
 /// A picture of one bright spot per channel, at [`locator_spots`], for a panel of `size`.
 pub fn locator(size: Size) -> Codes {
-    let (radius, spots) = (locator_radius_px(size), locator_spots(size));
+    // Wide against any workable blur.
+    let (radius, spots) = (size.height as f64 / 24.0, locator_spots(size));
     Codes::from_fn(|c| {
         let (cx, cy) = spots[c.index()];
         Plane::from_fn(size, |x, y| {
@@ -33,11 +34,6 @@ pub fn locator_spots(size: Size) -> [(f64, f64); 3] {
     let (w, h) = (size.width as f64, size.height as f64);
     let (cx, cy) = ((w - 1.0) / 2.0, (h - 1.0) / 2.0);
     [(cx - h / 5.0, cy - h / 8.0), (cx + h / 5.0, cy - h / 8.0), (cx, cy + h / 5.0)]
-}
-
-/// Radius of the locator's spots: wide against any workable blur.
-fn locator_radius_px(size: Size) -> f64 {
-    size.height as f64 / 24.0
 }
 
 /// A uniform picture with one code per channel.
@@ -120,7 +116,7 @@ mod tests {
             let (x, y) = locator_spots(size)[c.index()];
             assert_eq!(codes.plane(c).at(x.round() as usize, y.round() as usize), 255);
             let lit = codes.plane(c).data().iter().filter(|&&v| v > 0).count() as f64;
-            let wanted = std::f64::consts::PI * locator_radius_px(size).powi(2);
+            let wanted = std::f64::consts::PI * 7.5f64.powi(2);
             assert!((lit / wanted - 1.0).abs() < 0.1);
         }
     }
