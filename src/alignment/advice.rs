@@ -6,7 +6,6 @@ use std::fmt;
 use super::{Aim, Brightness, PLACES};
 use crate::frame::Size;
 
-/// Names of the nine places.
 const NAMES: [&str; PLACES] = [
     "upper left",
     "upper middle",

@@ -42,14 +42,12 @@ fn radius_px(panel: Size, dot: [i32; 2]) -> f64 {
     times * panel.height as f64 / 32.0
 }
 
-/// All dots of the picture.
 fn dots() -> impl Iterator<Item = [i32; 2]> {
     let rows = -AROUND[1]..=AROUND[1];
     rows.flat_map(|row| (-AROUND[0]..=AROUND[0]).map(move |column| [column, row]))
         .filter(|dot| *dot != MISSING_DOT)
 }
 
-/// The picture of dots for a `panel`.
 pub(super) fn picture(panel: Size) -> Codes {
     let mut plane = Plane::filled(panel, GREY);
     for dot in dots() {
@@ -68,11 +66,9 @@ pub(super) fn picture(panel: Size) -> Codes {
     Frame::from_fn(|_| plane.clone())
 }
 
-/// The dots found in a capture.
 pub(super) struct FoundDots {
     /// Positions of the dots on panel and sensor.
     pub(super) pairs: Vec<SeenDot>,
-    /// Whether left and right are swapped.
     pub(super) mirrored: bool,
 }
 

@@ -118,7 +118,6 @@ impl AlignmentReport {
         (100.0 * now, 100.0 * now / best)
     }
 
-    /// The line about light, if it was measured.
     fn light_line(&self) -> Option<String> {
         let light = self.brightness.as_ref()?;
         Some(format!(
@@ -132,7 +131,6 @@ impl AlignmentReport {
         ))
     }
 
-    /// The lines about the panel's position, if it was measured.
     fn aim_lines(&self) -> Vec<String> {
         let Some(Some(aim)) = &self.aim else { return Vec::new() };
         // Avoids −0.

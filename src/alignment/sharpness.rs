@@ -93,7 +93,6 @@ pub(super) fn pattern(size: Size) -> Codes {
 pub struct FocusHistory {
     best: f64,
     least: f64,
-    /// Whether the figure rises.
     rises: bool,
     /// The largest figure while rising, the least while falling.
     extreme: f64,

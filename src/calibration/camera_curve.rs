@@ -21,7 +21,6 @@ const STEPS: usize = 32;
 const PENALTY: f64 = 1e-4;
 /// Changes of slope below this have a quadratic penalty.
 const SLOPE_LEAST: f64 = 3e-3;
-/// Rounds of reweighting.
 const ROUNDS: usize = 8;
 /// Share of full scale below which a reading's error stops being proportional to it. Guess.
 const DARK_SHARE: f64 = 0.1;
@@ -36,7 +35,6 @@ pub struct Exposures {
 /// Map from a camera's counts over black to linear ones.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct CameraCurve {
-    /// Mean counts of black.
     black: f32,
     /// Counts over black at the last segment's end.
     full: f32,

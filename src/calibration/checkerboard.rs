@@ -85,7 +85,6 @@ pub fn spot(plane: &Plane, channel: &str, allowed: f64) -> Result<(f64, f64), St
     Ok((sx / sum, sy / sum))
 }
 
-/// A saddle point in the picture.
 #[derive(Debug, Clone, Copy)]
 struct Saddle {
     x: f64,
@@ -154,7 +153,6 @@ impl CornerGrid {
         CornerGrid { square: square_px as f64, last }
     }
 
-    /// The corners inside the panel.
     fn inner(&self) -> impl Iterator<Item = (i64, i64)> {
         let (columns, rows) = self.last;
         (1..columns).flat_map(move |a| (1..rows).map(move |b| (a, b)))
@@ -166,7 +164,6 @@ impl CornerGrid {
         near.at(x, y)
     }
 
-    /// Panel position of a corner.
     fn on_panel(&self, a: i64, b: i64) -> (f64, f64) {
         (a as f64 * self.square - 0.5, b as f64 * self.square - 0.5)
     }
@@ -242,7 +239,6 @@ fn parity(a: i64, b: i64) -> f64 {
     if (a + b).rem_euclid(2) == 0 { 1.0 } else { -1.0 }
 }
 
-/// Refinement of corners.
 struct Finder<'a> {
     plane: &'a Plane,
     /// The board's axes, one square long, on the sensor.

@@ -88,7 +88,6 @@ impl Layout {
         plane
     }
 
-    /// `surface` at the pixels of canvas row `y`.
     fn row_of(&self, surface: &Surface, y: usize, row: &mut [f32]) {
         let margin = self.margin_px as f64;
         surface.row(y as f64 - margin, -margin, 1.0, row);
@@ -336,7 +335,6 @@ impl Correction {
         Seen { light, trusted: Frame::from_fn(trusted) }
     }
 
-    /// The linearised value of `count`.
     fn count(&self, count: u16) -> f32 {
         match &self.straight {
             Some(straight) => straight[usize::from(count)],

@@ -80,7 +80,6 @@ impl ResponseCurve {
 pub struct Inverse {
     /// Fractional code at each step of √light.
     codes: Vec<f32>,
-    /// Light of code 255.
     last: f32,
 }
 

@@ -7,7 +7,6 @@
 pub struct Diffusion {
     /// Error from the row above, with one element more at each end.
     from_above: Vec<f32>,
-    /// Error for the row below.
     below: Vec<f32>,
 }
 

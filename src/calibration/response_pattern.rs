@@ -16,7 +16,6 @@ use crate::frame::{Channel, Frame, Mosaic, Plane, Size, Work};
 /// Quantisation of a response: 0.1 %, with an RMS error of 0.03 %, a twentieth of a usual sensor's
 /// noise in white.
 pub const STEP: f32 = 1.0 / 1024.0;
-/// Marks a bad site.
 pub(super) const BAD: i8 = i8::MIN;
 /// Largest deviation of a good site, in steps (12 %): industrial sensors differ by 1 % (EMVA 1288
 /// data sheets).

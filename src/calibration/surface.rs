@@ -227,7 +227,6 @@ impl Surface {
     }
 }
 
-/// A position among uniform knots.
 pub(super) struct KnotPosition {
     /// Index of the interval.
     pub(super) segment: usize,

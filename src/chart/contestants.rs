@@ -92,7 +92,6 @@ pub(super) fn distinct(settings: Vec<Setting>) -> Vec<Setting> {
     (0..settings.len()).filter(is_first).map(|n| settings[n]).collect()
 }
 
-/// Settings of relens's own methods.
 fn settings_tried(filed: &Setting) -> Vec<Setting> {
     let of = |method| Setting { method, ..*filed };
     let mut all = Vec::new();

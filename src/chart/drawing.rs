@@ -10,7 +10,6 @@ pub struct Colour(pub u8, pub u8, pub u8);
 pub const INK: Colour = Colour(0x33, 0x33, 0x33);
 /// Colour of grid lines.
 pub const FAINT: Colour = Colour(0xee, 0xee, 0xee);
-/// Colour of the sheet.
 const SHEET: Colour = Colour(0xff, 0xff, 0xff);
 /// Colour of results below the untouched photo.
 pub const HARM: Colour = Colour(0xaa, 0x33, 0x33);

@@ -76,7 +76,6 @@ pub fn choose(
     }))
 }
 
-/// `value` rounded to four decimals.
 fn rounded(value: f64) -> f64 {
     (value * 1e4).round() / 1e4
 }

@@ -61,7 +61,6 @@ impl Scene {
         }
     }
 
-    /// A drawn scene at `size`.
     fn drawn(self, size: Size) -> Frame<Work> {
         let grey = |plane: Plane| Frame::from_fn(|_| plane.clone());
         match self {

@@ -135,10 +135,8 @@ fn correction(
     Correction::new(calibration, session.layout).map_err(CalibrateError::Correction)
 }
 
-/// How lens functions are fitted.
 #[derive(Clone, Copy)]
 struct FunctionRounds {
-    /// Rounds of conjugate gradients.
     rounds: usize,
     /// Width of the functions, in pixels of the series.
     support_px: usize,

@@ -75,7 +75,6 @@ pub(super) fn random(series: u64, pixel_px: usize) -> impl Fn(&Session<'_>, usiz
     move |session, n| pattern(session, series, n, pixel_px)
 }
 
-/// Patterns of a series.
 #[derive(Clone, Copy)]
 pub(super) struct Patterns<'a> {
     pub(super) count: usize,
@@ -93,7 +92,6 @@ fn averaged(plane: &Plane, pixel_px: usize) -> Plane {
     })
 }
 
-/// `picture` plus grey.
 pub(super) fn on_grey(picture: &Frame<Work>) -> Frame<Work> {
     Frame::from_fn(|c| picture.plane(c).map(|v| GREY + v))
 }
@@ -114,11 +112,9 @@ pub(super) struct Series<'a> {
     pub(super) trusted: Arc<Frame<Work, u8>>,
     /// Green light in the capture of the first pattern.
     pub(super) first: Plane,
-    /// Place of the panel in each capture.
     pub(super) places: Vec<PanelPlace>,
 }
 
-/// Captures grey and `patterns`.
 pub(super) fn shoot<'a>(
     session: &mut Session<'_>,
     correction: &Correction,

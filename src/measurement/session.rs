@@ -33,7 +33,6 @@ pub fn to_the_end(_: CalibrationProgress) -> ControlFlow<()> {
     ControlFlow::Continue(())
 }
 
-/// A rig being calibrated.
 pub(super) struct Session<'a> {
     pub(super) rig: &'a mut Devices,
     pub(super) config: &'a config::RigFile,
@@ -63,7 +62,6 @@ impl<'a> Session<'a> {
         }
     }
 
-    /// Begins a step.
     pub(super) fn step(&mut self, step: &'static str) {
         self.progress.step = step;
         self.report();
@@ -97,7 +95,6 @@ impl<'a> Session<'a> {
         thread.join().map_err(|panic| std::panic::resume_unwind(panic))
     }
 
-    /// Number of captures so far.
     pub(super) fn captures(&self) -> u32 {
         self.progress.captures
     }
@@ -108,7 +105,6 @@ impl<'a> Session<'a> {
         move |source| CalibrateError::Rig { step, source }
     }
 
-    /// Captures `codes` once.
     pub(super) fn raw(&mut self, codes: &Codes) -> Result<Counts, CalibrateError> {
         let failed = self.failed();
         let exposed = self.rig.capture(codes).map_err(failed)?;
@@ -181,7 +177,6 @@ impl<'a> Session<'a> {
     }
 }
 
-/// `a` − `b`.
 pub(super) fn difference(a: &Plane, b: &Plane) -> Plane {
     let mut out = a.clone();
     out.add_scaled(-1.0, b);

@@ -13,7 +13,6 @@ pub(super) const DARKS: usize = 8;
 /// sensor's knee.
 const CODE: u8 = 224;
 
-/// Mean counts of a black panel and of a flat.
 pub(super) struct Flats {
     dark: Frame<SensorSpace>,
     light: Frame<SensorSpace>,

@@ -21,7 +21,6 @@ pub fn chart(size: Size) -> Plane {
     plane
 }
 
-/// A shape with position and light.
 struct InkMark {
     x: f64,
     y: f64,
@@ -155,7 +154,6 @@ impl InkMark {
     }
 }
 
-/// The marks of a chart of `width` picture heights.
 fn marks(width: f64) -> Vec<InkMark> {
     let mut marks = ChartMarks { width, all: Vec::new() };
     marks.put_middle();

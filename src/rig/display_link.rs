@@ -17,7 +17,6 @@ const TRAININGS_MAX: u32 = 3;
 /// State of a connector as known to the kernel, without probing.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct ConnectorState {
-    /// Whether a display is plugged in.
     pub(super) plugged_in: bool,
     /// Property `link-status`, if the driver has it.
     pub(super) link_status: Option<u64>,
@@ -88,7 +87,6 @@ impl Link {
     }
 }
 
-/// Error for a connector without a display.
 pub(super) fn unplugged(name: &str) -> RigError {
     RigError::gone("panel", format!("nothing is plugged into {name}"))
 }

@@ -69,7 +69,6 @@ pub struct Rejected {
     pub mistimed: u64,
 }
 
-/// An exposure whose frame has not arrived.
 #[derive(Debug, Clone, Copy)]
 struct PendingExposure {
     flip: Flip,
@@ -294,7 +293,6 @@ impl Devices {
         Err(failure)
     }
 
-    /// Shows a picture with the mark of the next number.
     fn show(&mut self, codes: &Codes) -> Result<(Flip, u8), RigError> {
         let Some(marks) = &self.marks else { return Ok((self.panel.show(codes)?, 0)) };
         self.number = self.number.wrapping_add(1);

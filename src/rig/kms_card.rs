@@ -11,7 +11,6 @@ use rustix::io::Errno;
 
 use super::RigError;
 
-/// An open DRM node.
 pub(super) struct Card(OwnedFd);
 
 impl AsFd for Card {
@@ -105,7 +104,6 @@ impl Card {
         Err(no_connector(name, &names))
     }
 
-    /// Properties of `object` with their values.
     pub(super) fn properties<T: ResourceHandle>(&self, object: T) -> Result<Properties, RigError> {
         let ask = failed("read properties");
         let values = self.get_properties(object).map_err(&ask)?;
@@ -137,7 +135,6 @@ impl std::fmt::Display for Socket {
     }
 }
 
-/// A card and its connectors.
 struct CardSockets {
     card: PathBuf,
     sockets: Vec<Socket>,
@@ -209,11 +206,9 @@ pub(super) fn describe(text: &mut impl Write) -> std::fmt::Result {
     Ok(())
 }
 
-/// Properties of an object.
 pub(super) struct Properties(Vec<(property::Info, property::RawValue)>);
 
 impl Properties {
-    /// The property `name` and its value.
     pub(super) fn get(&self, name: &str) -> Option<(&property::Info, property::RawValue)> {
         let mut all = self.0.iter().map(|(info, value)| (info, *value));
         all.find(|(info, _)| info.name().to_bytes() == name.as_bytes())

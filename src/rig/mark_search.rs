@@ -16,7 +16,6 @@ use crate::frame::{Codes, Counts, Plane, Size};
 const DOTS: [usize; 2] = [5, 4];
 /// Dots across and down the sensor, once its place on the panel is known.
 const SENSOR_DOTS: [usize; 2] = [4, 3];
-/// Seed of the order of dots.
 const ORDER_SEED: u64 = 20;
 /// Side of a dot as a share of the panel's height: wider than the blur of any usable lens.
 const DOT_SHARE: f64 = 0.05;
@@ -203,7 +202,6 @@ fn dot(panel: Size, centre: Place, side: f64) -> Codes {
     Codes::from_fn(|_| plane.clone())
 }
 
-/// Brightest spot of a frame.
 struct BrightSpot {
     centre: Place,
     /// Peak counts above the dark level.

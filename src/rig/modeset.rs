@@ -11,7 +11,6 @@ use super::kms_card::{Card, Properties, choice_value, commit_failed, failed};
 
 /// Required value of a property, on drivers that have it.
 enum Wanted {
-    /// Word of an enumeration.
     Choice(&'static str),
     /// Number, clamped to the property's range.
     Number(u64),
@@ -33,7 +32,6 @@ const CONNECTOR: [(&str, Wanted); 10] = [
     ("top margin", Wanted::Number(0)),
     ("bottom margin", Wanted::Number(0)),
 ];
-/// Properties of the CRTC.
 const CRTC: [(&str, Wanted); 4] = [
     ("GAMMA_LUT", Wanted::NoTable),
     ("DEGAMMA_LUT", Wanted::NoTable),

@@ -15,7 +15,6 @@ use super::device::listed;
 use super::{Clock, Moment, RigError, Trigger};
 use crate::config::{Level, PwmChannel};
 
-/// Folder of the kernel's PWM chips.
 pub(super) const CLASS: &str = "/sys/class/pwm";
 /// Rest between two pulses, longer than the read-out of a camera of 25 frames a second. Guess.
 const REST_NS: u64 = 40_000_000;
@@ -29,7 +28,6 @@ pub(super) type WriteAttribute = Box<dyn Fn(&Path, &str) -> io::Result<()> + Sen
 pub struct PwmTrigger {
     write: WriteAttribute,
     clock: Box<dyn Clock + Send>,
-    /// Folder of the channel.
     folder: PathBuf,
     polarity: &'static str,
     /// Length of a pulse at the rig file's exposure; `times` multiplies it.

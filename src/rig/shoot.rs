@@ -18,7 +18,6 @@ const STEP_MAX: f64 = 8.0;
 /// adds less, a room more.
 const DARK_SHARE_MAX: f64 = 0.05;
 
-/// Maximum number of metering steps.
 const METERED_MAX: usize = 6;
 
 /// A photo: the mean of one or more exposures.

@@ -9,11 +9,9 @@ use crate::config::Stamps;
 /// Source of time stamps and timing of the camera.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct StampedBy<'a> {
-    /// Name of the driver.
     pub(super) driver: &'a str,
     /// Whether the driver declares its stamps as taken at the start of exposure (`TSTAMP_SRC_SOE`).
     pub(super) states_start: bool,
-    /// Exposure time, in seconds.
     pub(super) exposure_s: f64,
     /// Frame interval of a free-running camera, in seconds; `None` for a triggered one.
     pub(super) interval_s: Option<f64>,

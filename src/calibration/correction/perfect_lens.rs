@@ -128,7 +128,6 @@ impl Covered {
         self.to - self.from
     }
 
-    /// The length of the interval within pixel `n`.
     fn length_in(&self, n: isize) -> f32 {
         let n = n as f32;
         (self.to.min(n + 1.0) - self.from.max(n)).max(0.0)

@@ -172,7 +172,6 @@ fn shares(evidence: &[PatternMisfit], count: usize) -> Vec<f64> {
     shares
 }
 
-/// Squared residual with `shares`.
 fn squared(evidence: &PatternMisfit, shares: &[f64]) -> f64 {
     let residual = |n: usize| {
         let added: f64 = evidence.columns.iter().zip(shares).map(|(column, s)| s * column[n]).sum();

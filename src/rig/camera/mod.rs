@@ -9,7 +9,6 @@ use self::v4l2::{CameraSettings, V4l2Camera};
 use super::{Camera, RigError};
 use crate::config::{CameraDevice, CameraTable, Hardware};
 
-/// Opens the camera of a rig.
 pub(super) fn open(
     camera: &CameraTable,
     hardware: &Hardware,

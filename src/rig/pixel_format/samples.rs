@@ -48,7 +48,6 @@ impl Samples {
         }
     }
 
-    /// Whether `width` samples fill whole packing groups.
     pub(super) fn has_whole_rows(self, width: usize) -> bool {
         width.is_multiple_of(self.group().0)
     }

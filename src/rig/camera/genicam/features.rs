@@ -48,7 +48,6 @@ pub(super) fn settle(device: &Device) -> Result<(), RigError> {
     Ok(())
 }
 
-/// Switches off the triggers of all events.
 pub(super) fn switch_triggers_off(device: &Device) -> Result<(), RigError> {
     let selector = "TriggerSelector";
     let events = device.dup_available_enumeration_feature_values_as_strings(selector);
@@ -71,7 +70,6 @@ pub(super) fn hold_any(
     }
 }
 
-/// Whether the camera has a feature `name` now.
 pub(super) fn is_there(device: &Device, name: &str) -> bool {
     device.feature(name).is_some() && device.is_feature_available(name).unwrap_or(false)
 }

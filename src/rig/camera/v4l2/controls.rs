@@ -54,7 +54,6 @@ impl GainControl {
 enum Held {
     /// This value, or the minimum if that is larger.
     At(i32),
-    /// The control's minimum.
     Least,
     /// The driver's default, which leaves the picture unchanged where possible.
     Default,
@@ -206,7 +205,6 @@ pub(super) fn expose(
     Ok(true)
 }
 
-/// Sets `gain` to `times` the rig file's.
 pub(super) fn amplify(
     node: &Node,
     has: &[Control],

@@ -19,7 +19,6 @@ pub fn describe(text: &mut impl Write) -> Result {
     Ok(())
 }
 
-/// Writes values and ranges of all controls of `node`.
 pub(super) fn describe_controls(node: &Node, text: &mut impl Write) -> Result {
     for control in node.controls() {
         let value = node.control(control.id).map_or("?".to_owned(), |value| value.to_string());

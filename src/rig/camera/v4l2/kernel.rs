@@ -21,7 +21,6 @@ use super::request::{
     SetTiming, TakeBuffer, buffers_wanted, call, format_description, is, zeroed,
 };
 
-/// An open video node.
 pub(super) struct Node(v4l::Device);
 
 impl AsFd for Node {
@@ -98,7 +97,6 @@ impl Node {
         })
     }
 
-    /// Four-character codes of the driver's formats.
     pub(super) fn formats(&self) -> Vec<String> {
         let mut all = Vec::new();
         loop {
@@ -199,7 +197,6 @@ impl Node {
         Ok(request.count)
     }
 
-    /// Maps one of the requested buffers.
     pub(super) fn map(&self, index: u32) -> io::Result<Buffer> {
         let mut buffer = MappedBuffer::new(index);
         call::<QueryBuffer>(self, &mut buffer)?;
@@ -252,7 +249,6 @@ pub(super) fn control_name(title: &str) -> String {
 /// good although its lower rows were lost on the cable (rp1-cfe).
 const UNTOUCHED: &[u8; 16] = b"relens: no frame";
 
-/// A mapped buffer of the driver.
 pub(super) struct Buffer {
     start: *mut c_void,
     length: usize,

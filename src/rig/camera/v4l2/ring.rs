@@ -11,7 +11,6 @@ use super::kernel::{Buffer, Filled, Node};
 use crate::rig::monotonic::{Monotonic, ready_by};
 use crate::rig::{Clock, Moment};
 
-/// Capacity of a ring.
 pub(super) const BUFFERS_MAX: usize = 8;
 
 /// Buffers of a streaming camera. Dropping the ring stops the stream and releases them.
@@ -37,7 +36,6 @@ impl Ring {
         Ok(ring)
     }
 
-    /// Queues all buffers and starts the stream.
     pub(super) fn resume(&mut self) -> io::Result<()> {
         for buffer in &mut self.buffers {
             self.node.queue(buffer, self.frame_bytes)?;

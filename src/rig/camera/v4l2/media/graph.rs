@@ -15,7 +15,6 @@ pub(super) struct Entity {
     pub(super) node: Option<(u32, u32)>,
 }
 
-/// A pad by entity and index.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct PadPlace {
     pub(super) entity: u32,
@@ -40,14 +39,12 @@ impl Way {
     }
 }
 
-/// A media device's graph.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub(super) struct Graph {
     pub(super) entities: Vec<Entity>,
     pub(super) ways: Vec<Way>,
 }
 
-/// Error about the rig file's media graph.
 pub(super) fn refused(found: String, allowed: impl Into<String>) -> RigError {
     memory::refused(format!("media graph: {found}"), allowed)
 }
@@ -128,7 +125,6 @@ impl Graph {
         own.collect::<std::collections::BTreeSet<_>>().into_iter().collect()
     }
 
-    /// Describes a link by the names of its ends.
     pub(super) fn spelled(&self, way: &Way) -> String {
         let pad = |place: PadPlace| {
             let entity = self.entities.iter().find(|entity| entity.id == place.entity);

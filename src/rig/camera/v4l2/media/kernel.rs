@@ -22,9 +22,7 @@ const LINK_KIND: u32 = 0xf << 28;
 /// Kinds of links: from an interface to an entity, and between pads.
 pub(super) const INTERFACE_LINK: u32 = 1 << 28;
 pub(super) const PAD_LINK: u32 = 0;
-/// Flag of an enabled link.
 pub(super) const ENABLED: u32 = 1;
-/// Flag of an immutable link.
 pub(super) const IMMUTABLE: u32 = 2;
 
 macro_rules! structures {
@@ -109,7 +107,6 @@ impl AsFd for MediaDevice {
     }
 }
 
-/// Objects of a media device's graph.
 #[derive(Default)]
 pub(super) struct Objects {
     pub(super) entities: Vec<GraphEntity>,
@@ -170,7 +167,6 @@ impl MediaDevice {
         unsafe { ioctl(self.0.as_raw_fd(), READ_GRAPH, argument) }
     }
 
-    /// Enables or disables a link.
     pub(super) fn set_link(&self, from: LinkEnd, to: LinkEnd, flags: u32) -> io::Result<()> {
         let mut setting = LinkSetting { source: from, sink: to, flags, ..zeroed() };
         call::<SetLink>(self, &mut setting)

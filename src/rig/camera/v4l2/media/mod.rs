@@ -24,7 +24,6 @@ use crate::config::{MediaGraph, MediaLink, PadFormat, bus_format, bus_format_nam
 use crate::frame::Size;
 use crate::rig::RigError;
 
-/// Number of media devices searched.
 const MEDIA_MAX: usize = 32;
 
 /// Nodes of a configured graph.
