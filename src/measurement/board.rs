@@ -53,10 +53,8 @@ pub(super) fn geometry(
         to: p.to,
     };
     let pairs: Vec<Pair> = corners.iter().map(on_work).collect();
-    let fit = Geometry::fit(domain, &pairs);
-    let (geometry, misfit) =
-        fit.map_err(|source| CalibrateError::Fit { step: "geometry", source })?;
-    log::debug!("{} corners, misfit {misfit:.3} panel px", pairs.len());
+    let geometry = Geometry::fit(domain, &pairs)
+        .map_err(|source| CalibrateError::Fit { step: "geometry", source })?;
     judge::on_panel(&geometry, layout.panel)?;
     let board = Board { near, corners, capture, black };
     check_place(session, &board)?;

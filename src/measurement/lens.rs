@@ -12,7 +12,6 @@ use crate::calibration::lens_blur::{self, FunctionFit, FunctionGrid, LensBlurErr
 use crate::calibration::{Calibration, Correction, noise};
 use crate::config;
 use crate::deconvolution::data_term::TRUSTED;
-use crate::deconvolution::forward_convolution::Seen;
 use crate::deconvolution::lens_model::{LensFunctions, LensModel};
 use crate::deconvolution::method::WAVELET_LEVELS;
 use crate::deconvolution::panel_beat;
@@ -58,8 +57,7 @@ pub(super) fn measure(
     let mut series = shoot(session, &correction, patterns)?;
     let fit = FunctionRounds { rounds: ROUNDS, support_px, is_centred: board.is_some() };
     let mut functions = functions(session, &correction, &mut series, fit)?;
-    let sums = lens_blur::normalise(&mut functions);
-    log::debug!("lens functions sum to {sums:?} before normalisation");
+    lens_blur::normalise(&mut functions);
     calibration.functions = functions;
     if session.config.calibration.broad_term {
         session.step("broad light");
@@ -255,8 +253,7 @@ fn measure_operator_error(
     model: &LensModel,
 ) -> Result<(), CalibrateError> {
     let chart = chart(session);
-    let Seen { light, trusted } = session.seen(correction, &chart)?;
-    let mut seen = Seen { light, trusted };
+    let mut seen = session.seen(correction, &chart)?;
     let margin = calibration.margin_px;
     let place = Rect { x: margin, y: margin, size: calibration.photo };
     let predicted_at = |at_px| {
@@ -276,9 +273,7 @@ fn measure_operator_error(
     // A panel that is seen elsewhere is sampled differently, so a shifted prediction would not do.
     let at_px = register(&predicted_at((0.0, 0.0))).shift_px;
     let predicted = predicted_at(at_px);
-    let found = register(&predicted);
-    log::debug!("the chart's capture at {at_px:?} px registered: {found:?}");
-    found.undo(&mut seen, &predicted, &Channel::ALL);
+    register(&predicted).undo(&mut seen, &predicted, &Channel::ALL);
     let trust = Frame::filled(model.canvas(), TRUSTED);
     let (wave, mosaic) = (correction.column_wave(), session.layout.mosaic);
     panel_beat::remove_beats(&mut seen, &predicted, (&trust, place), &wave, mosaic, &Channel::ALL);

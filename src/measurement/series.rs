@@ -130,7 +130,6 @@ pub(super) fn shoot<'a>(
     let scale = grey_scale(session, &grey, &flat);
     let mut shots = [Vec::new(), Vec::new(), Vec::new()];
     let mut first = None;
-    let mut gains = (f32::INFINITY, 0.0f32);
     for n in 0..count {
         let shown = nth(session, n);
         let mut seen = session.seen(correction, &on_grey(&shown))?;
@@ -141,7 +140,6 @@ pub(super) fn shoot<'a>(
             first = Some(seen.light.plane(Channel::Green).clone());
         }
         let gain = pattern_gain(session, &seen, &shown, &flat);
-        gains = (gains.0.min(gain), gains.1.max(gain));
         let on_panel = on_panel(correction, &shown, (0.0, 0.0)).into_planes();
         for (c, shown) in Channel::ALL.iter().zip(on_panel) {
             let mut light = seen.light.plane(*c).clone();
@@ -152,7 +150,6 @@ pub(super) fn shoot<'a>(
                 .push(Shot { shown: averaged(&shown, pixel_px), seen: averaged(&seen, pixel_px) });
         }
     }
-    log::debug!("patterns are {:.4} to {:.4} times as bright as grey", gains.0, gains.1);
     let first = first.unwrap_or_else(|| Plane::filled(size, GREY));
     let whole = trusted.planes().each_ref().map(|plane| {
         averaged(&plane.map(f32::from), pixel_px).map(|share| u8::from(share > 0.999))

@@ -150,11 +150,7 @@ fn fit_dots(
                 frames.push((centre, green));
             }
         }
-        let seen = spots(sensor, &frames);
-        for (at, spot) in &seen {
-            log::debug!("dot at panel {at:.0?} seen at sensor {spot:.1?}");
-        }
-        dots.extend(seen);
+        dots.extend(spots(sensor, &frames));
         if let Some(geometry) = fit(&dots) {
             return Ok(geometry);
         }

@@ -116,7 +116,7 @@ fn time_of_show_and_see() {
             crate::calibration::geometric::Pair { from, to: map.at(from.0, from.1) }
         })
         .collect();
-    let (geometry, _) = Geometry::fit(canvas, &pairs).unwrap();
+    let geometry = Geometry::fit(canvas, &pairs).unwrap();
     let calibration =
         Calibration { photo: Size::new(1024, 768), margin_px: 32, geometry, ..calibration() };
     let layout = Layout {

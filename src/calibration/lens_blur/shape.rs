@@ -6,22 +6,16 @@ use crate::deconvolution::lens_model::LensFunctions;
 use crate::frame::{Channel, Size};
 
 /// Scales every function to sum 1, so that flats stay flat, as the dark corner requires; glare
-/// beyond the support is thus attributed to the function. Returns the mean sum before, per channel.
-pub fn normalise(functions: &mut LensFunctions) -> [f32; 3] {
+/// beyond the support is thus attributed to the function.
+pub fn normalise(functions: &mut LensFunctions) {
     let one = functions.support_px.pow(2);
-    let count = (functions.rows * functions.columns) as f32;
-    let mut means = [0.0; 3];
-    for (taps, mean) in functions.taps.iter_mut().zip(&mut means) {
-        for function in taps.chunks_mut(one) {
-            let sum: f32 = function.iter().sum();
-            *mean += sum / count;
-            // A function without half its light is invalid, which a later check reports.
-            if sum > 0.5 {
-                function.iter_mut().for_each(|t| *t /= sum);
-            }
+    for function in functions.taps.iter_mut().flat_map(|taps| taps.chunks_mut(one)) {
+        let sum: f32 = function.iter().sum();
+        // A function without half its light is invalid, which a later check reports.
+        if sum > 0.5 {
+            function.iter_mut().for_each(|t| *t /= sum);
         }
     }
-    means
 }
 
 /// Centroid (x, y) relative to the middle, and RMS radius of one function, pixels.
