@@ -10,7 +10,6 @@ use super::mark_search::find_marks;
 use super::{Camera, Clock, Exposed, Flip, Moment, Panel, RigError, Trigger};
 use crate::config::{CameraTable, PanelTable};
 use crate::frame::Codes;
-use crate::remedy::{Remediable, Remedy};
 
 /// Waiting times and the number of tries.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -219,30 +218,19 @@ impl Devices {
 
     /// Captures as [`Devices::capture`] does, without marks, for a panel that may not be in view.
     pub fn capture_unproven(&mut self, codes: &Codes) -> Result<Exposed, RigError> {
-        let marks = self.marks.take();
-        let outcome = self.capture(codes);
-        self.marks = marks;
-        outcome
+        self.without_marks(|devices| devices.capture(codes))
     }
 
     /// Takes a photo: exposes without showing a picture. Skips frames from before the trigger, and
     /// exposes again after a missing frame, up to [`Timing::exposures_max`] exposures in all.
     pub fn expose(&mut self) -> Result<Exposed, RigError> {
-        // The scene shows no marks.
+        let shown_always = Flip { at: Moment(f64::NEG_INFINITY), vblank: 0 };
+        self.without_marks(|devices| devices.expose_shown(shown_always, 0, None))
+    }
+
+    fn without_marks<T>(&mut self, run: impl FnOnce(&mut Self) -> T) -> T {
         let marks = self.marks.take();
-        let mut outcome = Err(RigError::NoFrame { waited_ms: 0.0 });
-        for _ in 0..self.timing.exposures_max {
-            outcome = self.pulse().and_then(|fired| {
-                self.captures += 1;
-                let flip = Flip { at: fired, vblank: 0 };
-                self.receive(&PendingExposure { flip, fired, number: 0, vanished: None })
-            });
-            let is_worth_another =
-                matches!(&outcome, Err(error) if error.remedy() == Remedy::ShootAgain);
-            if !is_worth_another {
-                break;
-            }
-        }
+        let outcome = run(self);
         self.marks = marks;
         outcome
     }
