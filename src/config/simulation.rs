@@ -208,8 +208,6 @@ words! {
         NBk7 = "N-BK7",
         /// Flint by Schott.
         F2 = "F2",
-        /// Dense flint by Schott.
-        NSf11 = "N-SF11",
         /// Fused silica.
         FusedSilica = "fused-silica",
     }

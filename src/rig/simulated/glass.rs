@@ -16,10 +16,6 @@ pub(super) fn index(glass: Glass, wavelength_nm: f64) -> f64 {
             [1.345_333_59, 0.209_073_176, 0.937_357_162],
             [0.009_977_438_71, 0.047_045_076_7, 111.886_764],
         ),
-        Glass::NSf11 => (
-            [1.737_596_95, 0.313_747_346, 1.898_781_01],
-            [0.013_188_707, 0.062_306_814_2, 155.236_29],
-        ),
         Glass::FusedSilica => (
             [0.696_166_3, 0.407_942_6, 0.897_479_4],
             [0.004_679_148_26, 0.013_512_063_1, 97.934_002_5],
@@ -37,12 +33,9 @@ mod tests {
     #[test]
     fn indices_at_the_helium_d_line_are_the_catalogue_s() {
         // n_d at 587.56 nm in the data sheets.
-        for (glass, printed) in [
-            (Glass::NBk7, 1.51680),
-            (Glass::F2, 1.62004),
-            (Glass::NSf11, 1.78472),
-            (Glass::FusedSilica, 1.45846),
-        ] {
+        for (glass, printed) in
+            [(Glass::NBk7, 1.51680), (Glass::F2, 1.62004), (Glass::FusedSilica, 1.45846)]
+        {
             let computed = index(glass, 587.56);
             assert!((computed - printed).abs() < 1e-5, "{glass:?}: {computed}");
         }

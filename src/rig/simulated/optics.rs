@@ -48,12 +48,6 @@ impl TracedFunctions {
     ) -> Result<TracedFunctions, RigError> {
         let filters = simulation.sensor.filters.clone();
         let lens = Focused::new(prescription, filters.lists()[Channel::Green.index()])?;
-        log::debug!(
-            "simulated lens: focal length {:.3} mm at 540 nm, image plane {:.3} mm behind the \
-             first vertex",
-            lens.lens.focal_length(540.0),
-            lens.image_z
-        );
         let half = (prescription.support_px / 2) as f64;
         let [aside, down] = prescription.axis_offset_px.map(f64::abs);
         let reach_px = (sensor.width as f64 / 2.0 + half + aside)

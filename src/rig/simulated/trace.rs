@@ -42,8 +42,6 @@ pub(super) struct TracedLens {
     pub(super) stop_z: f64,
     pub(super) stop_radius: f64,
     pub(super) object_z: f64,
-    /// Index of the first refracting surface.
-    first: usize,
 }
 
 /// A ray behind the last surface, and whether it passed all clear diameters.
@@ -77,25 +75,12 @@ impl TracedLens {
             stop_radius: prescription.stop_diameter_mm / 2.0,
             object_z: -prescription.object_distance_mm,
             surfaces,
-            first,
         }
     }
 
     /// Refractive indices behind each surface at one wavelength.
     pub(super) fn indices(&self, wavelength_nm: f64) -> Vec<f64> {
         self.surfaces.iter().map(|surface| glass::index(surface.glass, wavelength_nm)).collect()
-    }
-
-    /// Effective focal length by a paraxial y–u trace of a ray parallel to the axis.
-    pub(super) fn focal_length(&self, wavelength_nm: f64) -> f64 {
-        let indices = self.indices(wavelength_nm);
-        let (mut y, mut nu, mut n, mut z) = (1.0, 0.0, 1.0, self.surfaces[self.first].vertex_z);
-        for (surface, &next) in self.surfaces.iter().zip(&indices).skip(self.first) {
-            y += nu / n * (surface.vertex_z - z);
-            nu -= y * (next - n) * surface.curvature;
-            (n, z) = (next, surface.vertex_z);
-        }
-        -1.0 / nu
     }
 
     /// Traces `ray`; `None` if it misses a surface or is totally reflected.
