@@ -97,7 +97,7 @@ mod tests {
         assert!(line.verbose && matches!(line.command, Command::Run(_)));
         assert!(read_line("-v demo").unwrap().verbose);
         assert!(read_line("restore -q a.jpg b.jpg - -r a.toml -o out").unwrap().quiet);
-        for line in ["restore in.jpg -r a.toml -o out.jpg -m paper", "version", "status", "demo"] {
+        for line in ["restore in.jpg -r a.toml -o out.jpg -m paper", "status", "demo"] {
             assert!(read_line(line).is_ok(), "{line}");
         }
     }

@@ -37,8 +37,8 @@ use super::{opening, progress};
 ///
 /// With operating-point = "fast", "balanced" or "best" in [restore] of the rig file it then shows
 /// known scenes, restores them with several settings, and keeps the chosen one in
-/// DIR/calibration/operating-point.toml, by which photos are restored from then on: the fastest with
-/// 90 %, 98 % or all of the highest gain.
+/// DIR/calibration/operating-point.toml, by which photos are restored from then on: the fastest
+/// with 90 %, 98 % or all of the highest gain.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:

@@ -11,9 +11,9 @@ use rayon::prelude::*;
 use super::lens_model::LensFunctions;
 use crate::frame::{Channel, Plane, Rect, Size};
 
-/// Isolation of a hot pixel less that of the image of a point. Set on photographs without hot pixels
-/// (`truthful.toml`, `simulated.toml`): at 2, six stars of the galaxies and ten sites of the chart
-/// are taken for hot ones, at 3 one site of the rocket.
+/// Isolation of a hot pixel less that of the image of a point. Set on photographs without hot
+/// pixels (`truthful.toml`, `simulated.toml`): at 2, six stars of the galaxies and ten sites of the
+/// chart are taken for hot ones, at 3 one site of the rocket.
 const MARGIN: f32 = 3.0;
 /// Noise σ by which the excess of a hot pixel is higher at least. Guess.
 const NOISES: f32 = 5.0;

@@ -17,8 +17,8 @@ const SET_BACK_S: f64 = 60.0;
 const NOT_SET: &str = "no network has set the clock yet";
 
 /// Reason to distrust a time before the latest trusted one.
-const PAST: &str = "the clock shows an earlier time than before: set it; if the time is correct now, \
-                    let the network set it";
+const PAST: &str = "the clock shows an earlier time than before: set it; if the time is correct \
+                    now, let the network set it";
 
 /// Judges whether the calendar can be trusted.
 #[derive(Debug, Clone)]
