@@ -129,15 +129,15 @@ pub(super) fn run(options: &RestoreOptions) -> Result<(), CliError> {
     // A single photo and the name of its result are checked before the rig is opened.
     if let [path] = &photos[..] {
         let read = read(path, &rig)?;
-        let destination = Destination::of(&options.out, &read.0)?;
+        let destination = Destination::of(&options.out, &read.photo)?;
         return restore(options, &rig.name, read, &destination, &mut *restorer()?);
     }
     let mut restorer = restorer()?;
     let mut failed = 0;
     for path in photos {
         let done = read(path, &rig).and_then(|read| {
-            let named = |error| CliError::OfPhoto(read.0.name.clone(), Box::new(error));
-            let destination = Destination::of(&options.out, &read.0).map_err(named)?;
+            let named = |error| CliError::OfPhoto(read.photo.name.clone(), Box::new(error));
+            let destination = Destination::of(&options.out, &read.photo).map_err(named)?;
             restore(options, &rig.name, read, &destination, &mut *restorer)
         });
         match done {
@@ -155,9 +155,14 @@ pub(super) fn run(options: &RestoreOptions) -> Result<(), CliError> {
     }
 }
 
-/// Reads a photo from a file or standard input, and fits it to the rig's grid; also returns the
-/// bytes of its file.
-fn read(path: &Path, rig: &RigFile) -> Result<(Photo, Vec<u8>), CliError> {
+/// A photo and the bytes of its file.
+struct ReadPhoto {
+    photo: Photo,
+    bytes: Vec<u8>,
+}
+
+/// Reads a photo from a file or standard input, and fits it to the rig's grid.
+fn read(path: &Path, rig: &RigFile) -> Result<ReadPhoto, CliError> {
     let reading = ReadOptions::of(rig);
     let limits = reading.limits;
     let (name, bytes) = if is_dash(path) {
@@ -172,14 +177,14 @@ fn read(path: &Path, rig: &RigFile) -> Result<(Photo, Vec<u8>), CliError> {
         let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy();
         (name, bytes_of(path, &limits)?)
     };
-    Ok((reading.photo_of_bytes(&name, &bytes)?, bytes))
+    Ok(ReadPhoto { photo: reading.photo_of_bytes(&name, &bytes)?, bytes })
 }
 
 /// Restores one photo, and writes the result, the summary and the report.
 fn restore(
     options: &RestoreOptions,
     rig: &str,
-    (photo, bytes): (Photo, Vec<u8>),
+    ReadPhoto { photo, bytes }: ReadPhoto,
     destination: &Destination,
     restorer: &mut dyn Restorer,
 ) -> Result<(), CliError> {

@@ -149,8 +149,9 @@ fn measure_noise(functions: &LensFunctions, photo: &FocusData<'_>, times: f32) -
 }
 
 /// Factors on the sensor's noise power without light and on that of the light which explain the
-/// `tiles`: least squares, relative to the sensor's power in each tile, as relative to the measured
-/// power low ones would outweigh high ones. A higher gain raises the first factor more.
+/// `tiles`: least squares, each tile weighted by 1/(sensor's power)². Weights from the measured
+/// power would favour tiles in which it happens to be low. A higher gain raises the first factor
+/// more.
 fn fit_factors(tiles: &[TileNoise]) -> Option<[f32; 2]> {
     let (mut own, mut found) = ([[0.0f32; 2]; 2], [0.0f32; 2]);
     for TileNoise { own: [black, light], found: power } in tiles {
