@@ -10,10 +10,8 @@ use crate::deconvolution::data_term::NOISE_MIN;
 pub struct Evidence {
     /// Residuals, channel by channel.
     pub channels: Vec<Residuals>,
-    /// Grain where the photo is flat.
+    /// Grain where the result is flat.
     pub grain: Grain,
-    /// Grain where the result is flat: a very noisy photo is flat nowhere.
-    pub cleared: Grain,
     /// Finest colours of the result.
     pub fine_colour: FineColour,
 }
@@ -31,8 +29,7 @@ impl Evidence {
     pub fn luma_residual_over_photo(&self) -> Option<f64> {
         // Green, or the one channel of a grey photo.
         let luma = self.channels.get(self.channels.len() / 2)?;
-        let is_cleared = self.grain.is_cleared() || self.cleared.is_cleared();
-        let is_denoised = is_cleared
+        let is_denoised = self.grain.is_cleared()
             && luma.model < luma.contrast
             && f64::from(self.excess_light()) <= EXCESS_LIGHT;
         (!is_denoised).then(|| luma.over_untouched().into())
@@ -111,14 +108,7 @@ mod tests {
         };
         let (grain, fine_colour) =
             (Grain { result: result_grain, photo: photo_grain }, FineColour::default());
-        let residual = |grain, cleared| {
-            Evidence { channels: vec![luma], grain, cleared, fine_colour }
-                .luma_residual_over_photo()
-        };
-        // Grain is measured where the photo is flat or where the result is flat; both count alike.
-        let none = Grain::default();
-        assert_eq!(residual(grain, none), residual(none, grain));
-        residual(grain, none)
+        Evidence { channels: vec![luma], grain, fine_colour }.luma_residual_over_photo()
     }
 
     #[test]
@@ -132,8 +122,8 @@ mod tests {
             excess_light: 0.02,
             contrast: 0.0,
         };
-        let (none, fine_colour) = (Grain::default(), FineColour::default());
-        let of = Evidence { channels: vec![dark], grain: none, cleared: none, fine_colour };
+        let (grain, fine_colour) = (Grain::default(), FineColour::default());
+        let of = Evidence { channels: vec![dark], grain, fine_colour };
         assert!(f64::from(of.excess_light()) <= EXCESS_LIGHT, "{}", of.excess_light());
     }
 

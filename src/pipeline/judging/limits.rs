@@ -74,9 +74,9 @@ pub(super) const FLAT: f32 = 2.0;
 pub(super) const GRAIN_SEEN: f32 = 2.5;
 /// Ratio of two pictures' grain above which one is grainier than the other. Set on the limits.
 pub(super) const GRAIN_TIMES: f32 = 2.0;
-/// Grain over the allowed grain above which a result harms. Set on the limits: sound results have
-/// 0.96 at most, harmful ones that no other witness finds 1.30.
-pub(super) const GRAIN: f64 = 1.1;
+/// Grain over the allowed grain above which a result harms. Set on the limits: harmless results
+/// have 1.00 at most, harmful ones that are not suspect otherwise 1.54 at least.
+pub(super) const GRAIN: f64 = 1.25;
 
 /// Fine colour above which it is visible, units of CIE L\*a\*b\*. Set on the limits.
 pub(super) const FINE_COLOUR_SEEN: f64 = 1.5;

@@ -75,7 +75,7 @@ impl Pipeline {
             }
         };
         if gains_nothing(&evidence) && gains_nothing(&reference.evidence) {
-            let evidence = Evidence { grain: evidence.grain, ..reference.evidence.clone() };
+            let evidence = reference.evidence.clone();
             return Ok(refused(photo, solved, evidence, limits::NOTHING_GAINED.to_owned()));
         }
         let reference_solution = &reference.solved;

@@ -23,8 +23,7 @@ impl Pipeline {
         let result = lightness(&solved.picture, photo.observation.channels);
         Evidence {
             channels: self.residuals(photo, &self.predicted(photo, solved)),
-            grain: Grain::of(&result, &photo_seen, &photo_seen),
-            cleared: Grain::of(&result, &photo_seen, &result),
+            grain: Grain::of(&result, &photo_seen),
             fine_colour: FineColour::of(&solved.picture, photo.observation.channels),
         }
     }

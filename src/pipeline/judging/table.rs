@@ -32,7 +32,7 @@ pub struct WitnessRow {
 }
 
 /// The witnesses, in the order in which harm is reported.
-pub const WITNESSES: [WitnessRow; 8] = [
+pub const WITNESSES: [WitnessRow; 7] = [
     WitnessRow {
         name: "light",
         unit: Unit::Share,
@@ -51,14 +51,6 @@ pub const WITNESSES: [WitnessRow; 8] = [
         harm_above: Some(NO_GAIN),
         sentence: "noise hides what the lens did to the photo, and the result explained the photo \
                    less than the photo itself does",
-    },
-    WitnessRow {
-        name: "explains less",
-        unit: Unit::Times,
-        measure: measures::residual_over_photo,
-        suspect_above: None,
-        harm_above: Some(1.0),
-        sentence: "the result explained the photo less than the photo itself does",
     },
     WitnessRow {
         name: "unexplained",
@@ -98,7 +90,7 @@ pub const WITNESSES: [WitnessRow; 8] = [
     WitnessRow {
         name: "grain",
         unit: Unit::Times,
-        measure: measures::grain,
+        measure: |case| Some(case.evidence.grain.over_allowed().into()),
         suspect_above: Some(GRAIN),
         harm_above: Some(GRAIN),
         sentence: "the flat parts of the result were grainier than the photo's ({found} the \
