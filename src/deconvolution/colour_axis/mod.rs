@@ -28,7 +28,7 @@ use super::smoothing::halve;
 use crate::frame::{Frame, Plane, Work};
 use axis::LocalAxis;
 pub use equal_blur::width_px;
-pub use shrinkage::{AlongAxes, Thresholds};
+pub use shrinkage::{AlongAxes, AxisWeights, Thresholds};
 
 /// The colour axes of a photo, at the resolution of each wavelet level.
 #[derive(Debug, Clone)]

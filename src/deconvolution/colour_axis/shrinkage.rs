@@ -24,12 +24,21 @@ type OnDetails<'a> = &'a (dyn Fn(usize, [&mut Plane; 3]) + Sync);
 /// others.
 #[derive(Debug, Clone, Copy)]
 pub struct Thresholds<'a> {
-    /// Weight of the prior at each level, finest first, in grey levels times α.
-    pub weights: &'a [f32],
+    /// Weights of the prior at each level, finest first.
+    pub weights: &'a [AxisWeights],
     /// Power transmission α of each level and channel, finest level first.
     pub passed: &'a [[f32; 3]],
     /// Factors on the thresholds where the photo is flat.
     pub mask: &'a DetailMask,
+}
+
+/// Weights of the prior at one level, grey levels times α.
+#[derive(Debug, Clone, Copy)]
+pub struct AxisWeights {
+    /// Weight along the axis.
+    pub along: f32,
+    /// Weight off the axis, before its factor κ.
+    pub off: f32,
 }
 
 /// One-level transforms of three channels.
@@ -236,30 +245,30 @@ pub(super) fn project(bands: [&mut Plane; 3], map: &AxisMap, passed: [f32; 3]) {
 
 /// [`shrink_band`] with the thresholds of `level`.
 fn shrink(bands: [&mut Plane; 3], axes: &ColourAxes, thresholds: Thresholds<'_>, level: usize) {
-    let (weight, passed) = (thresholds.weights[level], thresholds.passed[level]);
-    shrink_band(bands, &axes.levels[level], (weight, passed), thresholds.mask.factors(level));
+    let (weights, passed) = (thresholds.weights[level], thresholds.passed[level]);
+    shrink_band(bands, &axes.levels[level], (weights, passed), thresholds.mask.factors(level));
 }
 
-/// Shrinks the details d of one band. With y = Σ αud / Σ αu², r = d − y·u and the threshold t =
-/// `weight` / Σ αu², times `factors` pixel by pixel, y is multiplied by max(0, 1 − t/RMS) with the
+/// Shrinks the details d of one band. With y = Σ αud / Σ αu², r = d − y·u and the thresholds t =
+/// `weights` / Σ αu², times `factors` pixel by pixel, y is multiplied by max(0, 1 − t/RMS) with the
 /// RMS of y over the 3×3 details about it, and r likewise with κ·t and the RMS length of r.
 pub(super) fn shrink_band(
     bands: [&mut Plane; 3],
     map: &AxisMap,
-    (weight, passed): (f32, [f32; 3]),
+    (weights, passed): (AxisWeights, [f32; 3]),
     factors: Option<&Plane>,
 ) {
     let size = bands[0].size();
-    if weight > 0.0 && size.area() > 0 {
+    if weights.along > 0.0 && size.area() > 0 {
         let factors = factors.filter(|factors| factors.size() == size);
-        run_fastest(ShrinkAlong { bands, map, weight, passed, factors });
+        run_fastest(ShrinkAlong { bands, map, weights, passed, factors });
     }
 }
 
 struct ShrinkAlong<'a> {
     bands: [&'a mut Plane; 3],
     map: &'a AxisMap,
-    weight: f32,
+    weights: AxisWeights,
     passed: [f32; 3],
     factors: Option<&'a Plane>,
 }
@@ -339,7 +348,7 @@ impl PowerRow {
 impl Kernel for ShrinkAlong<'_> {
     #[inline(always)]
     fn run<const FUSED: bool>(self) {
-        let ShrinkAlong { mut bands, map, weight, passed, factors } = self;
+        let ShrinkAlong { mut bands, map, weights, passed, factors } = self;
         let (width, height) = (bands[0].width(), bands[0].height());
         let ones = vec![1.0; width];
         let [mut above, mut here, mut below] = [(); 3].map(|()| PowerRow::new(width));
@@ -373,9 +382,9 @@ impl Kernel for ShrinkAlong<'_> {
                     let power = (power[x] + 2.0 * power[x + 1] + power[x + 2]) * (1.0 / 16.0);
                     (1.0 - threshold / power.max(f32::MIN_POSITIVE).sqrt()).max(0.0)
                 };
-                let threshold = weight * factors[x] * each[x];
-                let (kept_along, kept_off) =
-                    (kept(along, threshold), kept(off, strictness[x] * threshold));
+                let threshold = |weight: f32| weight * factors[x] * each[x];
+                let kept_along = kept(along, threshold(weights.along));
+                let kept_off = kept(off, strictness[x] * threshold(weights.off));
                 let more = (kept_along - kept_off) * (cr[x] * r[x] + cg[x] * g[x] + cb[x] * b[x]);
                 r[x] = kept_off * r[x] + more * u[x];
                 g[x] = kept_off * g[x] + more * v[x];

@@ -136,11 +136,12 @@ fn shrinkage_matches_the_reference() {
         let factors = Plane::from_fn(size, |x, y| 1.0 + ((x + y) % 3) as f32);
         let d = details(size);
         let u = map.direction.each_ref().map(wide);
-        let t = |x: usize, y: usize| 1.5 * factors.at(x, y);
         let passed = [0.3, 0.9, 0.1];
-        let want = plain::shrunk(&d, &u, &wide(&map.strictness), passed, t);
+        let weights = AxisWeights { along: 1.5, off: 2.0 };
+        let factor = |x: usize, y: usize| factors.at(x, y);
+        let want = plain::shrunk(&d, &u, &wide(&map.strictness), (weights, passed), factor);
         let mut found = d.clone();
-        shrinkage::shrink_band(found.each_mut(), &map, (1.5, passed), Some(&factors));
+        shrinkage::shrink_band(found.each_mut(), &map, (weights, passed), Some(&factors));
         for (found, want) in found.iter().zip(&want) {
             let pairs = found.data().iter().zip(want.data());
             pairs.for_each(|(a, b)| assert!((a - b).abs() < 1e-4, "{a} {b}"));

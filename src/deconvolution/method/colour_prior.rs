@@ -8,7 +8,7 @@ use rayon::prelude::*;
 
 use super::problem::Target;
 use super::wiener::Wiener;
-use crate::deconvolution::colour_axis::{AlongAxes, ColourAxes, Thresholds, width_px};
+use crate::deconvolution::colour_axis::{AlongAxes, AxisWeights, ColourAxes, Thresholds, width_px};
 use crate::deconvolution::data_term;
 use crate::deconvolution::detail_mask::DetailMask;
 use crate::deconvolution::jpeg::AlongLuma;
@@ -87,8 +87,8 @@ pub(super) struct ColourPrior<'a> {
 struct Along<'a> {
     axes: &'a ColourAxes,
     transforms: AlongAxes,
-    /// Threshold of each level for a step of length 1, see [`Thresholds`].
-    weights: Vec<f32>,
+    /// Thresholds of each level for a step of length 1, see [`Thresholds`].
+    weights: Vec<AxisWeights>,
     /// For each of the finest levels, the share of its threshold that applies to protected texture.
     texture_shares: Vec<f32>,
     passed: Vec<[f32; 3]>,
@@ -101,20 +101,26 @@ impl<'a> Along<'a> {
         let observation = problem.observation;
         // A site of any channel counts alike along an axis, relative to green's.
         let weight = |c: Channel| observation.weight(Channel::Green) / observation.weight(c);
-        // σ of a datum, also in raw photos: √2 times as much, that of their pixels, costs 0.003
-        // SSIM.
-        let noise = (observation.noise.iter().map(|v| v * v).sum::<f32>() / 3.0).sqrt();
+        let rms = |noise: [f32; 3]| (noise.iter().map(|v| v * v).sum::<f32>() / 3.0).sqrt();
+        // Every datum measures the component along the axis, and those of one colour what is off it.
+        let noise = rms(observation.noise);
+        let pixel_noise = rms(Channel::ALL.map(|c| observation.pixel_noise(c) * weight(c).sqrt()));
         let passed = |l: usize| Channel::ALL.map(|c| weight(c) * norms[c.index()].at(l));
         let alpha =
             |l: usize| Channel::ALL.map(|c| norms[c.index()].at(l)).iter().sum::<f32>() / 3.0;
-        let weights = setting.thresholds(noise, LEAST_THRESHOLD, alpha);
+        let along = setting.thresholds(noise, LEAST_THRESHOLD, alpha);
+        let off = setting.thresholds(pixel_noise, LEAST_THRESHOLD, alpha);
         let of_texture = setting.thresholds(noise, LEAST_THRESHOLD_OF_TEXTURE, alpha);
-        let finest = of_texture.into_iter().zip(&weights).take(FINEST);
+        let finest = of_texture.into_iter().zip(&along).take(FINEST);
         Along {
             axes,
             transforms: AlongAxes::new(problem.size(), setting.levels),
             texture_shares: finest.map(|(least, w)| least / w.max(f32::MIN_POSITIVE)).collect(),
-            weights,
+            weights: along
+                .into_iter()
+                .zip(off)
+                .map(|(along, off)| AxisWeights { along, off })
+                .collect(),
             passed: (0..setting.levels).map(passed).collect(),
             starts: observation.sampling.axis_starts(width_px(problem.model.functions())),
         }
@@ -190,7 +196,11 @@ impl<'a> ColourPrior<'a> {
         let Some(Along { axes, transforms, weights, passed, starts, .. }) = &self.along else {
             return;
         };
-        let weights: Vec<f32> = weights.iter().map(|weight| START_THRESHOLD * weight).collect();
+        let start = |of: &AxisWeights| AxisWeights {
+            along: START_THRESHOLD * of.along,
+            off: START_THRESHOLD * of.off,
+        };
+        let weights: Vec<AxisWeights> = weights.iter().map(start).collect();
         let thresholds = Thresholds { weights: &weights, passed, mask };
         let wiener = Wiener { noise_to_signal: starts.noise_to_signal };
         let observation = problem.observation;

@@ -1,5 +1,6 @@
 //! Reference implementation of the shrinkage along colour axes, for tests.
 
+use crate::deconvolution::colour_axis::AxisWeights;
 use crate::frame::{Plane, Size};
 
 /// The mean about (x, y) of a periodic plane, with weights (1 2 1)/4 along both axes.
@@ -14,14 +15,14 @@ fn about(power: &Plane, x: usize, y: usize) -> f32 {
     sum
 }
 
-/// Details y·u + r after shrinkage, where y = Σ αud / Σ αu², r = d − y·u and t = weight / Σ αu²: y
-/// shrinks by t over the root of its mean power, and r by κ·t over the root of its own.
+/// Details y·u + r after shrinkage, where y = Σ αud / Σ αu² and r = d − y·u: y shrinks by `factor` ·
+/// weight / Σ αu² over the root of its mean power, and r by κ times that over the root of its own.
 pub(super) fn shrunk(
     d: &[Plane; 3],
     u: &[Plane; 3],
     strictness: &Plane,
-    passed: [f32; 3],
-    weight: impl Fn(usize, usize) -> f32,
+    (weights, passed): (AxisWeights, [f32; 3]),
+    factor: impl Fn(usize, usize) -> f32,
 ) -> [Plane; 3] {
     let size = d[0].size();
     let total =
@@ -38,9 +39,9 @@ pub(super) fn shrunk(
     };
     [0, 1, 2].map(|c| {
         Plane::from_fn(size, |i, j| {
-            let t = weight(i, j) / total.at(i, j);
-            kept(&along, t, i, j) * y.at(i, j) * u[c].at(i, j)
-                + kept(&off, strictness.at(i, j) * t, i, j) * r[c].at(i, j)
+            let t = factor(i, j) / total.at(i, j);
+            kept(&along, weights.along * t, i, j) * y.at(i, j) * u[c].at(i, j)
+                + kept(&off, strictness.at(i, j) * weights.off * t, i, j) * r[c].at(i, j)
         })
     })
 }
