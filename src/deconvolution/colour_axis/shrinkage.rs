@@ -57,7 +57,6 @@ struct OneLevel {
 #[derive(Debug)]
 struct Channelwise {
     coefficients: Coefficients,
-    scratch: Scratch,
     sum: Plane,
 }
 
@@ -107,16 +106,13 @@ impl AlongAxes {
         AlongAxes { size, levels }
     }
 
-    /// The levels, with buffers as large as twelve planes, which are freed after each operation.
+    /// The levels, with buffers as large as eight planes, which are freed after each operation.
     fn levels(&self) -> Vec<OneLevel> {
         let mut of_level = self.size;
         let levels = (0..self.levels).map(|_| {
             let transform = Sym8::new(of_level, 1).parallel();
-            let channels = [(); 3].map(|()| Channelwise {
-                coefficients: transform.zeros(),
-                scratch: Scratch::default(),
-                sum: Plane::default(),
-            });
+            let channels = [(); 3]
+                .map(|()| Channelwise { coefficients: transform.zeros(), sum: Plane::default() });
             of_level = Size::new(of_level.width.div_ceil(2), of_level.height.div_ceil(2));
             OneLevel { transform, channels }
         });
@@ -189,7 +185,8 @@ fn apply(
     let transform = &here.transform;
     for (k, &(shift, coarser)) in shifts.iter().enumerate() {
         here.channels.par_iter_mut().zip(&*planes).for_each(|(own, plane)| {
-            transform.analyse_shifted(plane, shift, &mut own.coefficients, &mut own.scratch);
+            let scratch = &mut Scratch::default();
+            transform.analyse_shifted(plane, shift, &mut own.coefficients, scratch);
         });
         let [r, g, b] = &mut here.channels;
         let bands: Vec<_> = r.bands().into_iter().zip(g.bands()).zip(b.bands()).collect();
@@ -202,7 +199,7 @@ fn apply(
         }
         let (is_only, is_last) = (shifts.len() == 1, k + 1 == shifts.len());
         here.channels.par_iter_mut().zip(&mut *planes).for_each(|(own, plane)| {
-            let Channelwise { coefficients, scratch, sum } = own;
+            let (Channelwise { coefficients, sum }, scratch) = (own, &mut Scratch::default());
             if is_only {
                 let out = (plane, Put::Set);
                 return transform.synthesise_shifted(coefficients, shift, out, scratch);

@@ -1,7 +1,8 @@
 //! Filter banks of one level along rows and columns.
 //!
-//! The rows of each pass's output are independent, so a pass can run as parallel tasks of whole
-//! rows.
+//! Rows filtered along x are kept in a ring of as many as the filters along y read, so that a plane
+//! passes the memory once. The rows of the output are independent, so a pass can run as parallel
+//! tasks of whole rows.
 
 use rayon::prelude::*;
 
@@ -9,8 +10,8 @@ use super::two_sums::two_sums;
 use super::{LOW, high};
 use crate::frame::Size;
 
-/// Columns filtered at a time along y: sixteen rows of them fit the L1 cache (16 KiB).
-const COLUMNS_AT_A_TIME: usize = 256;
+/// Number of taps of a filter.
+const TAPS: usize = 16;
 
 /// How a result is written.
 #[derive(Debug, Clone, Copy)]
@@ -62,126 +63,77 @@ impl Lines {
         Lines { pixels_per_task: Some(pixels), ..self }
     }
 
-    /// Filters the rows of `input`, shifted by `shift`, into `low` and `high` of half its width.
-    pub(super) fn analyse_rows(
+    /// Filters `input`, of size `from` and shifted by `shift`, along both axes into `bands` of size
+    /// `to`: averages, then horizontal, vertical and diagonal details.
+    pub(super) fn analyse(
         &self,
         input: &[f32],
-        size: Size,
-        shift: usize,
-        low: &mut Vec<f32>,
-        high: &mut Vec<f32>,
+        (from, to): (Size, Size),
+        shift: (usize, usize),
+        bands: [&mut [f32]; 4],
     ) {
-        let half = size.width.div_ceil(2);
-        fit(low, half * size.height);
-        fit(high, half * size.height);
-        let shift = shift % size.width;
-        self.on_two(low, high, half, |first, low, high| {
-            // Even and odd pixels separated and extended periodically by four.
-            let (mut even, mut odd) = (vec![0.0; half + 8], vec![0.0; half + 8]);
-            let mut rotated = vec![0.0; if shift == 0 { 0 } else { size.width }];
-            let rows = input[first * size.width..].chunks_exact(size.width);
-            for ((row, low), high) in
-                rows.zip(low.chunks_exact_mut(half)).zip(high.chunks_exact_mut(half))
-            {
-                let row = if shift == 0 { row } else { rotate(shift, row, &mut rotated) };
-                split(row, &mut even[4..half + 4], &mut odd[4..half + 4]);
-                wrap(&mut even, half);
-                wrap(&mut odd, half);
-                // x[2o+8−j] is even[o+4−t] for j = 2t and odd[o+3−t] for j = 2t+1; both buffers
-                // start at −4.
-                let rows: [&[f32]; 16] = std::array::from_fn(|j| {
-                    if j % 2 == 0 { &even[8 - j / 2..] } else { &odd[7 - j / 2..] }
-                });
-                two_sums(&rows, &self.analysis, low, high);
-            }
-        });
-    }
-
-    /// Filters the columns of `input`, `height` rows of `to.width` shifted by `shift`, into
-    /// averages and details.
-    pub(super) fn analyse_columns(
-        &self,
-        input: &[f32],
-        height: usize,
-        to: Size,
-        shift: usize,
-        (low, high): (&mut [f32], &mut [f32]),
-    ) {
-        let width = to.width;
-        let even = 2 * to.height;
-        let row_of = |place: usize| ((place % even).min(height - 1) + shift) % height;
-        self.on_two(low, high, width, |first, low, high| {
-            for start in (0..width).step_by(COLUMNS_AT_A_TIME) {
-                let columns = COLUMNS_AT_A_TIME.min(width - start);
-                let outputs = low.chunks_exact_mut(width).zip(high.chunks_exact_mut(width));
-                for (o, (low, high)) in (first..).zip(outputs) {
-                    // 16 periods more keep the index positive for planes of few rows.
-                    let rows: [&[f32]; 16] = std::array::from_fn(|j| {
-                        &input[row_of(2 * o + 8 + 16 * even - j) * width + start..][..columns]
-                    });
-                    two_sums(
-                        &rows,
-                        &self.analysis,
-                        &mut low[start..][..columns],
-                        &mut high[start..][..columns],
-                    );
+        let Size { width: half, height } = to;
+        let (shift_x, shift_y) = (shift.0 % from.width, shift.1);
+        // 16 periods more keep the index positive for planes of few rows.
+        let last = |o: usize| 2 * o + 8 + TAPS * 2 * height;
+        let row_of = |place: usize| {
+            ((place % (2 * height)).min(from.height - 1) + shift_y) % from.height * from.width
+        };
+        self.on_rows(bands, half, |first, [averages, horizontal, vertical, diagonal]| {
+            let mut line = RowFilter::new(from.width, half);
+            let [mut low, mut high] = [(); 2].map(|()| vec![0.0; TAPS * half]);
+            let upper = averages.chunks_exact_mut(half).zip(horizontal.chunks_exact_mut(half));
+            let lower = vertical.chunks_exact_mut(half).zip(diagonal.chunks_exact_mut(half));
+            for (o, (upper, lower)) in (first..).zip(upper.zip(lower)) {
+                let fresh = if o == first { TAPS } else { 2 };
+                for place in last(o) + 1 - fresh..=last(o) {
+                    let at = place % TAPS * half..(place % TAPS + 1) * half;
+                    let row = &input[row_of(place)..][..from.width];
+                    line.filter(self, row, shift_x, (&mut low[at.clone()], &mut high[at]));
+                }
+                for (ring, (first, second)) in [(&low, upper), (&high, lower)] {
+                    let rows: [&[f32]; TAPS] =
+                        std::array::from_fn(|j| &ring[(last(o) - j) % TAPS * half..][..half]);
+                    two_sums(&rows, &self.analysis, first, second);
                 }
             }
         });
     }
 
-    /// The transpose of [`Lines::analyse_columns`] without its shift: writes 2 · `from.height`
-    /// rows, the last one first.
-    pub(super) fn synthesise_columns(
+    /// The transpose of [`Lines::analyse`].
+    pub(super) fn synthesise(
         &self,
-        low: &[f32],
-        high: &[f32],
-        from: Size,
-        out: &mut Vec<f32>,
-    ) {
-        let (width, half) = (from.width, from.height);
-        fit(out, 2 * half * width);
-        self.on_rows(out, 2 * width, |first, out| {
-            for start in (0..width).step_by(COLUMNS_AT_A_TIME) {
-                let columns = COLUMNS_AT_A_TIME.min(width - start);
-                for (k, pair) in (first..).zip(out.chunks_exact_mut(2 * width)) {
-                    let rows: [&[f32]; 16] = std::array::from_fn(|j| {
-                        let band = if j < 8 { low } else { high };
-                        &band[(k + 4 * half - 4 + j % 8) % half * width + start..][..columns]
-                    });
-                    // With the last row first, pixels 2k−1 and 2k are adjacent for every k.
-                    let (before, here) = pair.split_at_mut(width);
-                    let (before, here) =
-                        (&mut before[start..][..columns], &mut here[start..][..columns]);
-                    two_sums(&rows, &self.synthesis, before, here);
-                }
-            }
-        });
-    }
-
-    /// The transpose of [`Lines::analyse_rows`] and of the column shift: rows of `to.width` from
-    /// the output of [`Lines::synthesise_columns`] with averages and details of size `from`.
-    pub(super) fn synthesise_rows(
-        &self,
-        (low, high): (&[f32], &[f32]),
-        from: Size,
-        to: Size,
+        bands: [&[f32]; 4],
+        (from, to): (Size, Size),
         shift: (usize, usize),
         (out, put): (&mut [f32], Put),
     ) {
-        let half = from.width;
+        let Size { width: half, height } = from;
         let (shift, shift_rows) = (shift.0 % to.width, shift.1 % to.height);
-        self.on_rows(out, to.width, |first, out| {
+        self.on_rows([out], to.width, |first, [out]| {
+            // Rows 2k−1 and 2k of averages and details.
+            let mut pairs = [(); 2].map(|()| vec![0.0; 2 * half]);
+            let mut filtered = None;
             let [mut averages, mut details, mut odd, mut even] =
                 [(); 4].map(|()| vec![0.0; half + 8]);
             let mut line = vec![0.0; to.width];
             for (y, row) in (first..).zip(out.chunks_exact_mut(to.width)) {
-                let source = ((y + to.height - shift_rows) % to.height + 1) % (2 * from.height);
-                averages[4..half + 4].copy_from_slice(&low[source * half..][..half]);
-                details[4..half + 4].copy_from_slice(&high[source * half..][..half]);
-                wrap(&mut averages, half);
-                wrap(&mut details, half);
-                let rows: [&[f32]; 16] =
+                let source = ((y + to.height - shift_rows) % to.height + 1) % (2 * height);
+                let k = source / 2;
+                if filtered.replace(k) != Some(k) {
+                    for (pair, bands) in pairs.iter_mut().zip(bands.chunks_exact(2)) {
+                        let rows: [&[f32]; TAPS] = std::array::from_fn(|j| {
+                            &bands[j / 8][(k + 4 * height - 4 + j % 8) % height * half..][..half]
+                        });
+                        let (before, here) = pair.split_at_mut(half);
+                        two_sums(&rows, &self.synthesis, before, here);
+                    }
+                }
+                for (line, pair) in [&mut averages, &mut details].into_iter().zip(&pairs) {
+                    line[4..half + 4].copy_from_slice(&pair[source % 2 * half..][..half]);
+                    wrap(line, half);
+                }
+                let rows: [&[f32]; TAPS] =
                     std::array::from_fn(|j| if j < 8 { &averages[j..] } else { &details[j - 8..] });
                 two_sums(&rows, &self.synthesis, &mut odd[..half], &mut even[..half]);
                 odd[half] = odd[0]; // x[−1] is x[2·half − 1]
@@ -194,33 +146,20 @@ impl Lines {
         });
     }
 
-    /// Calls `work` with the first row's index and the rows of each task of `out`.
-    fn on_rows(&self, out: &mut [f32], width: usize, work: impl Fn(usize, &mut [f32]) + Sync) {
-        match self.rows_per_task(out.len(), width) {
-            None => work(0, out),
-            Some(rows) => {
-                let tasks = out.par_chunks_mut(rows * width).enumerate();
-                tasks.for_each(|(n, out)| work(n * rows, out));
-            }
-        }
-    }
-
-    /// [`Lines::on_rows`] for two outputs.
-    fn on_two(
+    /// Calls `work` with the first row's index and the rows of each task of the planes `out`.
+    fn on_rows<const N: usize>(
         &self,
-        a: &mut [f32],
-        b: &mut [f32],
+        mut out: [&mut [f32]; N],
         width: usize,
-        work: impl Fn(usize, &mut [f32], &mut [f32]) + Sync,
+        work: impl Fn(usize, [&mut [f32]; N]) + Sync,
     ) {
-        match self.rows_per_task(a.len(), width) {
-            None => work(0, a, b),
-            Some(rows) => {
-                let tasks =
-                    a.par_chunks_mut(rows * width).zip(b.par_chunks_mut(rows * width)).enumerate();
-                tasks.for_each(|(n, (a, b))| work(n * rows, a, b));
-            }
+        let Some(rows) = self.rows_per_task(out[0].len(), width) else { return work(0, out) };
+        let mut tasks = Vec::new();
+        while !out[0].is_empty() {
+            let length = (rows * width).min(out[0].len());
+            tasks.push(out.each_mut().map(|rest| rest.split_off_mut(..length).unwrap_or_default()));
         }
+        tasks.into_par_iter().enumerate().for_each(|(n, out)| work(n * rows, out));
     }
 
     /// Rows of `width` per task; `None` if `length` numbers fit one task.
@@ -230,10 +169,44 @@ impl Lines {
     }
 }
 
-/// Resizes `line` without the usual spare capacity.
-fn fit(line: &mut Vec<f32>, length: usize) {
-    line.reserve_exact(length.saturating_sub(line.len()));
-    line.resize(length, 0.0);
+/// Filters along one row, with its buffers.
+struct RowFilter {
+    /// Even and odd pixels, extended periodically by four.
+    even: Vec<f32>,
+    odd: Vec<f32>,
+    rotated: Vec<f32>,
+}
+
+impl RowFilter {
+    fn new(width: usize, half: usize) -> Self {
+        let [even, odd] = [(); 2].map(|()| vec![0.0; half + 8]);
+        RowFilter { even, odd, rotated: vec![0.0; width] }
+    }
+
+    /// Filters `row`, shifted by `shift`, into averages and details.
+    fn filter(
+        &mut self,
+        lines: &Lines,
+        row: &[f32],
+        shift: usize,
+        (low, high): (&mut [f32], &mut [f32]),
+    ) {
+        let RowFilter { even, odd, rotated } = self;
+        let half = low.len();
+        let row = if shift == 0 { row } else { rotate(shift, row, rotated) };
+        split(row, &mut even[4..half + 4], &mut odd[4..half + 4]);
+        wrap(even, half);
+        wrap(odd, half);
+        // x[2o+8−j] is even[o+4−t] for j = 2t and odd[o+3−t] for j = 2t+1; both buffers start
+        // at −4.
+        let rows: [&[f32]; TAPS] =
+            std::array::from_fn(
+                |j| {
+                    if j % 2 == 0 { &even[8 - j / 2..] } else { &odd[7 - j / 2..] }
+                },
+            );
+        two_sums(&rows, &lines.analysis, low, high);
+    }
 }
 
 /// `row` rotated into `rotated`, so that its pixel `shift` comes first.

@@ -96,9 +96,9 @@ pub struct Sym8 {
 /// Buffers of a transform of any size.
 #[derive(Debug, Clone, Default)]
 pub struct Scratch {
-    low: Vec<f32>,
-    high: Vec<f32>,
     approximation: Vec<f32>,
+    /// The next level's approximation.
+    next: Vec<f32>,
 }
 
 impl Sym8 {
@@ -173,31 +173,23 @@ impl Sym8 {
         scratch: &mut Scratch,
     ) {
         assert!(plane.size() == self.size(), "the plane has the transform's size");
-        let mut approximation = std::mem::take(&mut scratch.approximation);
+        let Scratch { approximation, next } = scratch;
         for level in 0..self.levels() {
             let (from, to) = (self.sizes[level], self.sizes[level + 1]);
             let (input, shift) =
                 if level == 0 { (plane.data(), shift) } else { (&approximation[..], (0, 0)) };
-            let Scratch { low, high, .. } = &mut *scratch;
-            self.lines.analyse_rows(input, from, shift.0, low, high);
-            let Details { horizontal, vertical, diagonal } = &mut out.details[level];
             let averages = if level + 1 == self.levels() {
                 out.approximation.data_mut()
             } else {
-                approximation.resize(to.area(), 0.0);
-                &mut approximation[..]
+                next.resize(to.area(), 0.0);
+                &mut next[..]
             };
-            let (height, turn) = (from.height, shift.1);
-            self.lines.analyse_columns(low, height, to, turn, (averages, horizontal.data_mut()));
-            self.lines.analyse_columns(
-                high,
-                height,
-                to,
-                turn,
-                (vertical.data_mut(), diagonal.data_mut()),
-            );
+            let [horizontal, vertical, diagonal] =
+                out.details[level].bands_mut().map(Plane::data_mut);
+            let bands = [averages, horizontal, vertical, diagonal];
+            self.lines.analyse(input, (from, to), shift, bands);
+            std::mem::swap(approximation, next);
         }
-        scratch.approximation = approximation;
     }
 
     /// Computes the plane of `coefficients`.
@@ -218,25 +210,21 @@ impl Sym8 {
         scratch: &mut Scratch,
     ) {
         assert!(out.size() == self.size(), "the plane has the transform's size");
-        let mut approximation = std::mem::take(&mut scratch.approximation);
-        let last = coefficients.approximation.data();
+        let Scratch { approximation, next } = scratch;
         for level in (0..self.levels()).rev() {
             let (to, from) = (self.sizes[level], self.sizes[level + 1]);
             let Details { horizontal, vertical, diagonal } = &coefficients.details[level];
-            let shift = if level == 0 { shift } else { (0, 0) };
-            let Scratch { low, high, .. } = &mut *scratch;
-            let averages = if level + 1 == self.levels() { last } else { &approximation };
-            self.lines.synthesise_columns(averages, horizontal.data(), from, low);
-            self.lines.synthesise_columns(vertical.data(), diagonal.data(), from, high);
-            let output = if level == 0 {
-                (out.data_mut(), put)
-            } else {
-                approximation.resize(to.area(), 0.0);
-                (&mut approximation[..], Put::Set)
-            };
-            self.lines.synthesise_rows((low, high), from, to, shift, output);
+            let is_last = level + 1 == self.levels();
+            let averages =
+                if is_last { coefficients.approximation.data() } else { &approximation[..] };
+            let bands = [averages, horizontal.data(), vertical.data(), diagonal.data()];
+            if level == 0 {
+                return self.lines.synthesise(bands, (from, to), shift, (out.data_mut(), put));
+            }
+            next.resize(to.area(), 0.0);
+            self.lines.synthesise(bands, (from, to), (0, 0), (&mut next[..], Put::Set));
+            std::mem::swap(approximation, next);
         }
-        scratch.approximation = approximation;
     }
 }
 

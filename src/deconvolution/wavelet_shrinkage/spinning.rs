@@ -45,7 +45,6 @@ impl Clone for SpinningScratch {
 struct LevelScratch {
     coefficients: Coefficients,
     sum: Plane,
-    transform: Scratch,
     rows: Vec<f32>,
 }
 
@@ -113,8 +112,10 @@ impl Spinning {
     ) {
         let (transform, deeper_exists) = (&self.levels[level], level + 1 < self.levels.len());
         let Some((here, deeper)) = scratch.split_first_mut() else { return };
+        // A transform of one level needs no scratch memory.
+        let mut unused = Scratch::default();
         for (k, &shift) in shifts.iter().enumerate() {
-            transform.analyse_shifted(plane, shift, &mut here.coefficients, &mut here.transform);
+            transform.analyse_shifted(plane, shift, &mut here.coefficients, &mut unused);
             let threshold =
                 thresholding.thresholds[level.min(thresholding.thresholds.len() - 1)].max(0.0);
             for band in here.coefficients.details[0].bands_mut() {
@@ -138,9 +139,9 @@ impl Spinning {
                     std::mem::swap(approximation, &mut deeper[0].sum);
                 }
             }
-            let LevelScratch { coefficients, sum, transform: scratch, .. } = &mut *here;
+            let LevelScratch { coefficients, sum, .. } = &mut *here;
             let put = if k == 0 { Put::Set } else { Put::Add };
-            transform.synthesise_shifted(coefficients, shift, (sum, put), scratch);
+            transform.synthesise_shifted(coefficients, shift, (sum, put), &mut unused);
         }
     }
 
@@ -151,7 +152,6 @@ impl Spinning {
             let made = self.levels.iter().map(|transform| LevelScratch {
                 coefficients: transform.zeros(),
                 sum: Plane::zeros(transform.size()),
-                transform: Scratch::default(),
                 rows: Vec::new(),
             });
             *scratch = made.collect();
