@@ -304,16 +304,19 @@ impl Correction {
     pub fn see(&self, counts: &Counts) -> Seen {
         assert!(counts.size() == self.layout.sensor, "counts have the sensor's size");
         let Rect { x: left, y: top, size: canvas } = self.layout.canvas_on_sensor();
-        let over = {
-            let black = Channel::each(|c| self.layout.on_canvas(&self.black[c.index()]));
-            let over = |c: Channel, x: usize, y: usize| {
-                let count = counts.plane(c).at(left + x, top + y);
-                self.count(count) - black[c.index()].at(x, y)
-            };
-            match &self.sites {
-                Some(sites) => sites.evened(Rect { x: 0, y: 0, size: canvas }, over),
-                None => Frame::from_fn(|c| Plane::from_fn(canvas, |x, y| over(c, x, y))),
-            }
+        let over_black = |c: Channel, y: usize| {
+            let mut row = vec![0.0; canvas.width];
+            self.layout.row_of(&self.black[c.index()], y, &mut row);
+            let counts = &counts.plane(c).row(top + y)[left..];
+            row.iter_mut().zip(counts).for_each(|(v, &count)| *v = self.count(count) - *v);
+            row
+        };
+        let over = match &self.sites {
+            Some(sites) => sites.evened(Rect { x: 0, y: 0, size: canvas }, over_black),
+            None => Frame::from_fn(|c| {
+                let rows = (0..canvas.height).flat_map(|y| over_black(c, y));
+                Plane::from_vec(canvas, rows.collect()).unwrap_or_default()
+            }),
         };
         let light = self.unmixed(over);
         let is_good = |x: usize, y: usize| {

@@ -80,38 +80,42 @@ impl SiteGains {
         &self.planes[n]
     }
 
-    /// Corrects the part `place` of the canvas, whose sites have the values `at`(channel, column,
-    /// row): divides by the responses, patches bad sites with their neighbours' mean, and
-    /// interpolates a mosaic.
+    /// Corrects the part `place` of the canvas, whose sites have the values `row_of`(channel, row):
+    /// divides by the responses, patches bad sites with their neighbours' mean, and interpolates a
+    /// mosaic.
     pub fn evened(
         &self,
         place: Rect,
-        at: impl Fn(Channel, usize, usize) -> f32 + Sync,
+        row_of: impl Fn(Channel, usize) -> Vec<f32> + Sync,
     ) -> Frame<Work> {
         let Some(mosaic) = self.mosaic.map(|mosaic| mosaic.from_place(place.x, place.y)) else {
-            return Frame::from_fn(|c| self.alike(place, self.steps(c), 1, |x, y| at(c, x, y)));
+            return Frame::from_fn(|c| self.alike(place, self.steps(c), 1, |y| row_of(c, y)));
+        };
+        let sites = |y: usize| {
+            let [mut sites, odd] = [0, 1].map(|x| row_of(mosaic.colour_at(x, y), y));
+            sites.iter_mut().zip(odd).skip(1).step_by(2).for_each(|(site, odd)| *site = odd);
+            sites
         };
         // Sites of one colour are two apart.
-        let value = |x: usize, y: usize| at(mosaic.colour_at(x, y), x, y);
-        mosaic.interpolated(&self.alike(place, &self.planes[0], 2, value))
+        mosaic.interpolated(&self.alike(place, &self.planes[0], 2, sites))
     }
 
-    /// Divides one plane of values by the responses; bad sites get the mean of the nearest good
-    /// ones on a grid of spacing `apart`.
+    /// Divides the values of one plane, given row by row, by the responses; bad sites get the mean
+    /// of the nearest good ones on a grid of spacing `apart`.
     fn alike(
         &self,
         place: Rect,
         steps: &Plane<i8>,
         apart: usize,
-        at: impl Fn(usize, usize) -> f32 + Sync,
+        row_of: impl Fn(usize) -> Vec<f32> + Sync,
     ) -> Plane {
         let mut plane = Plane::zeros(place.size);
         let Size { width, height } = place.size;
         let rows = plane.data_mut().par_chunks_mut(width.max(1)).enumerate();
         rows.for_each(|(y, row)| {
             let steps = &steps.row(place.y + y)[place.x..][..width];
-            for (x, (value, &steps)) in row.iter_mut().zip(steps).enumerate() {
-                *value = at(x, y) * self.gains[usize::from(steps as u8)];
+            for ((value, seen), &steps) in row.iter_mut().zip(row_of(y)).zip(steps) {
+                *value = seen * self.gains[usize::from(steps as u8)];
             }
         });
         let is_bad = |&(x, y): &(usize, usize)| steps.at(place.x + x, place.y + y) == BAD;
@@ -180,8 +184,9 @@ mod tests {
             let places = [(0, 0, 40, 30), (3, 4, 20, 21), (21, 12, 2, 2)];
             for (x, y, width, height) in places {
                 let place = Rect { x, y, size: Size::new(width, height) };
-                let even = gains.evened(place, |c, u, v| {
-                    gains.response(c, x + u, y + v).map_or(999.0, |response| 80.0 * response)
+                let even = gains.evened(place, |c, v| {
+                    let response = |u| gains.response(c, x + u, y + v);
+                    (0..width).map(|u| response(u).map_or(999.0, |gain| 80.0 * gain)).collect()
                 });
                 let off = |v: &f32| (v - 80.0).abs() > 1e-3;
                 // Among 2×2 sites, a bad one has no neighbour of its colour to be replaced by.

@@ -238,7 +238,7 @@ impl Pipeline {
     ) -> Cow<'a, Frame<Work>> {
         let straight = self.straighten(photo, Some(FULL_SCALE * raw.counts_per_level));
         match self.correction.sites() {
-            Some(sites) => Cow::Owned(sites.evened(rect, |c, x, y| straight.plane(c).at(x, y))),
+            Some(sites) => Cow::Owned(sites.evened(rect, |c, y| straight.plane(c).row(y).to_vec())),
             None => straight,
         }
     }
