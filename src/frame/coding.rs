@@ -1,5 +1,7 @@
 //! A JPEG's data: the quantised coefficients of each block.
 
+use std::sync::Arc;
+
 use serde::{Deserialize, Serialize};
 
 use super::Size;
@@ -56,9 +58,9 @@ pub struct CodedComponent {
     pub blocks: Size,
     /// Quantisation steps q of the 64 coefficients, row by row.
     pub steps: Vec<u16>,
-    /// Coefficients in units of their steps, block by block, row by row.
+    /// Coefficients in units of their steps, block by block, row by row; shared by copies.
     #[serde(skip)]
-    pub coefficients: Vec<i16>,
+    pub coefficients: Arc<Vec<i16>>,
 }
 
 impl Coding {
@@ -80,7 +82,7 @@ impl Coding {
             let blocks = Coding::blocks(self.size, (1, 1), (1, 1));
             let rows = first.coefficients.chunks(first.blocks.width * BLOCK_AREA);
             let kept = rows.take(blocks.height).flat_map(|row| &row[..blocks.width * BLOCK_AREA]);
-            let coefficients = kept.copied().collect();
+            let coefficients = Arc::new(kept.copied().collect());
             CodedComponent { blocks, coefficients, ..first.clone() }
         };
         Coding { size: self.size, components: self.components.iter().take(1).map(luma).collect() }

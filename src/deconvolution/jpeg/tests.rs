@@ -58,7 +58,12 @@ fn stated_by(photo: &Frame<Work>, pixels: (u8, u8), (first, more): (u16, u16)) -
                 samples.iter().zip(&steps).map(|(m, &q)| (m / f32::from(q)).round() as i16);
             coefficients.extend(numbers);
         }
-        CodedComponent { pixels: own, blocks, steps: steps.clone(), coefficients }
+        CodedComponent {
+            pixels: own,
+            blocks,
+            steps: steps.clone(),
+            coefficients: coefficients.into(),
+        }
     });
     Coding { size, components: components.collect() }
 }
@@ -121,7 +126,7 @@ fn outside(coding: &Coding, (light, rect): (&Frame<Work>, Rect)) -> f64 {
     let fine = stated_by(&photo, pixels, (1, 0));
     let components = coding.components.iter().zip(&fine.components);
     let of = |(stated, fine): (&CodedComponent, &CodedComponent)| -> f64 {
-        let numbers = stated.coefficients.iter().zip(&fine.coefficients).enumerate();
+        let numbers = stated.coefficients.iter().zip(&*fine.coefficients).enumerate();
         let apart = numbers.map(|(k, (&c, &m))| {
             let q = f64::from(stated.steps[k % BLOCK_AREA]);
             ((f64::from(c) * q - f64::from(m)).abs() - 0.5 * q).max(0.0).powi(2)

@@ -4,6 +4,8 @@
 //! three, the last two perhaps at half the width, height or both. Other JPEGs are solved from their
 //! decoded pixels. Memory is bounded by [`AREA_MAX`], and time by [`SCANS_MAX`] passes over it.
 
+use std::sync::Arc;
+
 use super::super::Flaw;
 use super::huffman::HuffmanCodes;
 use super::scan::{Scan, ScanBlocks, ScanPart, ZIGZAG};
@@ -159,7 +161,7 @@ fn frame_of(body: &[u8], progressive: bool) -> Option<CodedFrame> {
         let (across, down) = head.sampling;
         let pixels = if count == 1 { (1, 1) } else { (densest.0 / across, densest.1 / down) };
         let blocks = Coding::blocks(size, densest, pixels);
-        let coefficients = vec![0; blocks.area() * BLOCK_AREA];
+        let coefficients = Arc::new(vec![0; blocks.area() * BLOCK_AREA]);
         CodedComponent { pixels, blocks, steps: Vec::new(), coefficients }
     };
     let components = heads.iter().map(component).collect();
@@ -249,8 +251,8 @@ impl CodedFile {
                 for n in 0..wide * high {
                     let (x, y) = (column * wide + n % wide, row * high + n / wide);
                     let begin = (y * component.blocks.width + x) * BLOCK_AREA;
-                    let block = component.coefficients.get_mut(begin..begin + BLOCK_AREA);
-                    let block = block.ok_or(Unread::Kind)?;
+                    let all = Arc::make_mut(&mut component.coefficients);
+                    let block = all.get_mut(begin..begin + BLOCK_AREA).ok_or(Unread::Kind)?;
                     blocks.read(part, block).ok_or_else(broken)?;
                 }
             }

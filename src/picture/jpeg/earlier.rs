@@ -234,8 +234,8 @@ fn coded(samples: &Plane, pixels: (u8, u8), blocks: Size, steps: Vec<u16>) -> Co
         let values = block.into_iter().zip(&steps);
         values.map(|(v, &step)| (v / f32::from(step)).round() as i16)
     };
-    let coefficients = blocks_of(samples, blocks).flat_map_iter(of_block).collect();
-    CodedComponent { pixels, blocks, steps, coefficients }
+    let coefficients: Vec<i16> = blocks_of(samples, blocks).flat_map_iter(of_block).collect();
+    CodedComponent { pixels, blocks, steps, coefficients: coefficients.into() }
 }
 
 #[cfg(test)]
@@ -277,7 +277,7 @@ mod tests {
             for (found, stored) in found.components.iter().zip(&stored.components) {
                 assert_eq!((found.pixels, found.blocks), (stored.pixels, stored.blocks));
                 assert_eq!(found.steps, stored.steps, "quality {quality}");
-                let pairs = found.coefficients.iter().zip(&stored.coefficients);
+                let pairs = found.coefficients.iter().zip(&*stored.coefficients);
                 let same = pairs.filter(|(a, b)| a == b).count() as f64;
                 let same = same / stored.coefficients.len() as f64;
                 assert!(same > share, "quality {quality}: {same}");

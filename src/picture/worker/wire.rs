@@ -210,7 +210,7 @@ fn read_coding(
         let length = 2 * component.blocks.area() * BLOCK_AREA;
         let (numbers, rest) = bytes.split_at_checked(length).ok_or("coefficients cut short")?;
         *bytes = rest;
-        component.coefficients = pod_collect_to_vec(numbers);
+        component.coefficients = pod_collect_to_vec(numbers).into();
     }
     let sound = coding.size == allowed && coding.is_whole();
     if sound { Ok(coding) } else { Err("invalid coefficients") }
