@@ -104,6 +104,10 @@ impl LightPath<'_> {
         if self.interrupted.is_some_and(|asked| asked()) {
             return Err(Interrupted.into());
         }
+        if let Some(lens) = self.photo {
+            // Computed again after the capture, which needs the memory.
+            Channel::ALL.iter().for_each(|&c| lens.release_spectra(c));
+        }
         let on_panel = self.correction.light_on_panel(picture);
         let codes = self.correction.show_light(&on_panel);
         let lost = self.lost_detail(on_panel, predicted.is_none().then_some(picture));

@@ -8,6 +8,8 @@
 //! 2013, "Plug-and-play priors"; Danielyan, Katkovnik & Egiazarian 2012, "BM3D frames and
 //! variational image deblurring").
 
+use rayon::prelude::*;
+
 use super::problem::Target;
 use super::record::Course;
 use super::{About, ResidualOf, Watch};
@@ -95,9 +97,12 @@ impl Blocks {
                 let error = errors.iter().find(|(other, _)| *other == c).map_or(0.0, |(_, e)| *e);
                 observation.pixels_a_datum(c) * (error / tau(c)).powi(2)
             };
-            let uncertain = problem
-                .frame_of(|c| problem.data_step(c, picture.plane(c), residual.plane(c), ratio(c)));
-            drop(residual);
+            let mut uncertain = residual;
+            let planes = uncertain.planes_mut().par_iter_mut().zip(Channel::ALL);
+            planes.filter(|(_, c)| channels.contains(c)).for_each(|(plane, c)| {
+                let residual = std::mem::take(plane);
+                *plane = problem.data_step(c, picture.plane(c), residual, ratio(c));
+            });
             let noises = passed.iter().zip(&errors).map(|(passed, &(c, error))| {
                 let undone = BlockNoise::deconvolved(passed, error.powi(2), tau(c).powi(2));
                 undone.scaled(ASSUMED_NOISE).within(problem.model.field().x).masked(target.mask)

@@ -1,32 +1,35 @@
 //! One channel of a solve with the lens model: proximal gradient steps with momentum.
 
+use std::borrow::Cow;
+
 use rayon::prelude::*;
 
 use super::Momentum;
 use super::colour_prior::ColourPrior;
 use super::problem::Target;
 use crate::deconvolution::data_term;
+use crate::deconvolution::wavelet_shrinkage::ShrinkageScratch;
 use crate::frame::{Channel, FULL_SCALE, Plane, STRETCH};
 
 /// State of the solve in one channel.
-pub(super) struct ChannelSolve {
+pub(super) struct ChannelSolve<'a> {
     pub(super) channel: Channel,
-    /// The point at which the gradient is taken.
-    point: Plane,
+    /// The point at which the gradient is taken; borrowed until the first step.
+    pub(super) point: Cow<'a, Plane>,
     /// Prediction K̂ of the point; consumed by [`ChannelSolve::descend`].
-    pub(super) prediction: Plane,
+    pub(super) prediction: Cow<'a, Plane>,
     momentum: Momentum,
     /// RMS of the residual before the step, grey levels; computed for the green channel only.
     pub(super) residual_rms: f32,
 }
 
-impl ChannelSolve {
-    /// Starts at `point`.
-    pub(super) fn new(channel: Channel, point: Plane) -> Self {
+impl<'a> ChannelSolve<'a> {
+    /// Starts at `point` with its `prediction`, which is empty if unknown.
+    pub(super) fn new(channel: Channel, point: Cow<'a, Plane>, prediction: Cow<'a, Plane>) -> Self {
         ChannelSolve {
             channel,
             point,
-            prediction: Plane::default(),
+            prediction,
             momentum: Momentum::default(),
             residual_rms: 0.0,
         }
@@ -34,13 +37,14 @@ impl ChannelSolve {
 
     /// Computes K̂ of the point.
     pub(super) fn predict(&mut self, target: Target<'_>) {
-        self.prediction = Plane::zeros(self.point.size());
-        target.problem.model.forward(self.channel, &self.point, &mut self.prediction);
+        let mut prediction = Plane::zeros(self.point.size());
+        target.problem.model.forward(self.channel, &self.point, &mut prediction);
+        self.prediction = Cow::Owned(prediction);
     }
 
     /// Residual at the point, grey levels; to be called before [`ChannelSolve::descend`].
     pub(super) fn residual(&self, target: Target<'_>) -> Plane {
-        let mut residual = self.prediction.clone();
+        let mut residual = Plane::clone(&self.prediction);
         let trust = target.problem.observation.trust.plane(self.channel);
         data_term::residual_in_place(&mut residual, target.data.plane(self.channel), trust);
         residual
@@ -56,7 +60,7 @@ impl ChannelSolve {
     ) -> Plane {
         let (c, observation) = (self.channel, target.problem.observation);
         let trust = observation.trust.plane(c);
-        let mut residual = std::mem::take(&mut self.prediction);
+        let mut residual = std::mem::take(&mut self.prediction).into_owned();
         data_term::residual_in_place(&mut residual, target.data.plane(c), trust);
         if c == Channel::Green {
             self.residual_rms = data_term::rms_over_data(&residual, trust);
@@ -67,9 +71,8 @@ impl ChannelSolve {
         drop(residual);
         let held = self.hold(&mut stepped);
         let steps = target.norms[c.index()].steps();
-        prior.with_scratch(|scratch| {
-            prior.shrinkage.scale_levels(&mut stepped, &steps, shift, scratch);
-        });
+        let scratch = &mut ShrinkageScratch::default();
+        prior.shrinkage.scale_levels(&mut stepped, &steps, shift, scratch);
         let pixels = (stepped.data_mut(), self.point.data(), held.data()).into_par_iter();
         let pixels = pixels.with_min_len(STRETCH);
         pixels.for_each(|(step, from, held)| *step = if *held { *from } else { from - *step });
@@ -96,13 +99,17 @@ impl ChannelSolve {
         held
     }
 
-    /// Moves the point on from `stepped` with momentum.
-    pub(super) fn advance(&mut self, stepped: &Plane) {
-        self.momentum.next(&mut self.point, stepped);
-    }
-
-    /// Frees the planes that a last step does not need.
-    pub(super) fn end(&mut self) {
-        (self.point, self.momentum) = (Plane::default(), Momentum::default());
+    /// Moves the point on from `stepped` with momentum, whose memory is freed before the last step.
+    pub(super) fn advance(&mut self, stepped: Plane, is_last: bool) {
+        let mut point = match std::mem::take(&mut self.point) {
+            Cow::Owned(point) => point,
+            // The first step has no momentum and replaces the point.
+            Cow::Borrowed(_) => Plane::default(),
+        };
+        self.momentum.next(&mut point, stepped);
+        self.point = Cow::Owned(point);
+        if is_last {
+            self.momentum = Momentum::default();
+        }
     }
 }

@@ -2,7 +2,6 @@
 //! colours, or each channel by itself.
 
 use std::borrow::Cow;
-use std::sync::{Mutex, PoisonError};
 
 use rayon::prelude::*;
 
@@ -79,8 +78,6 @@ pub(super) struct ColourPrior<'a> {
     mask: Cow<'a, DetailMask>,
     /// Scratch memory for spinning.
     scratch: ShrinkageScratch,
-    /// Scratch memory for single shifts, in which the channels are shrunk in parallel.
-    pool: Mutex<Vec<ShrinkageScratch>>,
 }
 
 /// The prior along a photo's axes.
@@ -154,7 +151,6 @@ impl<'a> ColourPrior<'a> {
             luma,
             mask: Cow::Borrowed(mask),
             scratch: ShrinkageScratch::default(),
-            pool: Mutex::default(),
         }
     }
 
@@ -172,20 +168,6 @@ impl<'a> ColourPrior<'a> {
             self.mask =
                 Cow::Owned(self.mask.protect_texture(&planes, residuals, &along.texture_shares));
         }
-    }
-
-    /// Frees the scratch memory of the pool.
-    pub(super) fn free_scratch(&mut self) {
-        self.pool.get_mut().unwrap_or_else(PoisonError::into_inner).clear();
-    }
-
-    /// Runs `work` with scratch memory from the pool.
-    pub(super) fn with_scratch(&self, work: impl FnOnce(&mut ShrinkageScratch)) {
-        // Scratch memory has no state, so that of a poisoned pool is as good.
-        let pool = || self.pool.lock().unwrap_or_else(PoisonError::into_inner);
-        let mut scratch = pool().pop().unwrap_or_default();
-        work(&mut scratch);
-        pool().push(scratch);
     }
 
     /// Refines a start along the axes: repeatedly draws its details to the axes and subtracts its
@@ -260,9 +242,8 @@ impl<'a> ColourPrior<'a> {
         } else {
             let shift = shrinkage.shift(step);
             planes.par_iter_mut().zip(&self.thresholds).for_each(|(plane, thresholds)| {
-                self.with_scratch(|scratch| {
-                    shrinkage.shrink_levels(plane, thresholds, mask, shift, scratch);
-                });
+                let scratch = &mut ShrinkageScratch::default();
+                shrinkage.shrink_levels(plane, thresholds, mask, shift, scratch);
             });
         }
     }

@@ -18,6 +18,8 @@
 //!   costs many transforms. The first steps use single shifts, the last [`SETTLING_STEPS`] the
 //!   mean.
 
+use std::borrow::Cow;
+
 use rayon::prelude::*;
 
 use super::binned::BinnedProblem;
@@ -78,16 +80,32 @@ impl Default for Digital {
 pub const ABOUT: About = About { name: "digital", starts_from_lens: true };
 
 /// Starting point of a solve.
-pub(super) enum Start {
+pub(super) enum Start<'a> {
     /// A first guess; faint texture is detected halfway.
     Guess(Frame<Work>),
     /// A solved picture; faint texture is detected at the first step.
     Picture {
         /// The picture on the canvas.
-        picture: Frame<Work>,
+        picture: &'a Frame<Work>,
         /// Prediction K̂ of the picture.
-        prediction: Frame<Work>,
+        prediction: &'a Frame<Work>,
     },
+}
+
+impl<'a> Start<'a> {
+    /// The start of one channel; to be called once for each.
+    fn of_channel(&mut self, c: Channel) -> ChannelSolve<'a> {
+        match self {
+            Start::Guess(guess) => {
+                let point = Cow::Owned(std::mem::take(guess.plane_mut(c)));
+                ChannelSolve::new(c, point, Cow::default())
+            }
+            Start::Picture { picture, prediction } => {
+                let [point, prediction] = [&**picture, prediction].map(|of| of.plane(c));
+                ChannelSolve::new(c, Cow::Borrowed(point), Cow::Borrowed(prediction))
+            }
+        }
+    }
 }
 
 /// Structure of the photo, computed before a solve.
@@ -161,7 +179,7 @@ impl Digital {
             let PhotoStructure { mask, axes } = structure;
             let (data, norms) = (&problem.observation.light, problem.level_norms);
             let target = Target { problem, data, mask, axes: axes.as_ref(), norms };
-            let start = Start::Picture { picture, prediction };
+            let start = Start::Picture { picture: &picture, prediction: &prediction };
             let steps = if is_coarse { OWN_STEPS_OF_COARSE } else { OWN_STEPS };
             Digital { steps, ..*self }.solve_from(target, start, watch)
         };
@@ -221,28 +239,27 @@ impl Digital {
     pub(super) fn solve_from(
         &self,
         target: Target<'_>,
-        start: Start,
+        mut start: Start<'_>,
         watch: &mut Watch<'_>,
     ) -> (Frame<Work>, IterationRecord) {
         let problem = target.problem;
         let observation = problem.observation;
         let channels = observation.channels.list();
-        let (mut picture, mut prediction, texture_step) = match start {
-            Start::Guess(guess) => (guess, None, (self.steps / 2).max(1)),
-            Start::Picture { picture, prediction } => (picture, Some(prediction), 1),
-        };
+        let is_solved = matches!(start, Start::Picture { .. });
+        let texture_step = if is_solved { 1 } else { (self.steps / 2).max(1) };
         let mut course = Course::new(problem.stopwatch);
         let mut prior = ColourPrior::new(self.prior(), target);
-        let start = |&c: &Channel| ChannelSolve::new(c, std::mem::take(picture.plane_mut(c)));
-        let mut solves: Vec<ChannelSolve> = channels.iter().map(start).collect();
+        let mut solves: Vec<_> = channels.iter().map(|&c| start.of_channel(c)).collect();
         let settling = SETTLING_STEPS.min(self.steps.div_ceil(2));
         let mut expected: Option<Frame<Work>> = None;
         let mut stepped: Vec<Plane> = Vec::new();
         for step in 1..=self.steps {
             let shift = prior.shrinkage.shift(step as usize);
             let before = solves.par_iter_mut().zip(std::mem::take(&mut stepped));
-            before.for_each(|(solve, stepped)| solve.advance(&stepped));
-            predict(&mut solves, prediction.take(), target);
+            before.for_each(|(solve, stepped)| solve.advance(stepped, step == self.steps));
+            if step > 1 || !is_solved {
+                solves.par_iter_mut().for_each(|solve| solve.predict(target));
+            }
             if observation.sampling.updates_data_at(step) {
                 drop(expected.take());
                 expected = expected_data(target, &solves);
@@ -255,8 +272,7 @@ impl Digital {
             let descended = solves.par_iter_mut().map(|s| s.descend(target, &prior, shift));
             stepped = descended.collect();
             if step == self.steps {
-                solves.iter_mut().for_each(ChannelSolve::end);
-                prior.free_scratch();
+                solves.iter_mut().for_each(|solve| solve.point = Cow::default());
             }
             prior.apply(&mut stepped, step as usize, step + settling > self.steps);
             for plane in &mut stepped {
@@ -267,6 +283,7 @@ impl Digital {
                 watch(&course.step(green.residual_rms, ResidualOf::Model, 0), None);
             }
         }
+        let mut picture = Frame::zeros(problem.size());
         channels.iter().zip(stepped).for_each(|(&c, plane)| *picture.plane_mut(c) = plane);
         // Block matching needs the memory.
         drop((prior, solves));
@@ -283,25 +300,12 @@ impl Digital {
     }
 }
 
-/// Sets the predictions K̂ of `solves` to `known`, or computes them.
-fn predict(solves: &mut [ChannelSolve], known: Option<Frame<Work>>, target: Target<'_>) {
-    match known {
-        Some(mut known) => {
-            let taken = |s: &mut ChannelSolve| {
-                s.prediction = std::mem::take(known.plane_mut(s.channel));
-            };
-            solves.iter_mut().for_each(taken);
-        }
-        None => solves.par_iter_mut().for_each(|solve| solve.predict(target)),
-    }
-}
-
 /// Expected data of `target`, given the predictions of `solves`; `None` if the data do not depend
 /// on them.
 ///
 /// The data of a correction are the photo less a defect that captures showed. The camera saw that
 /// defect, so it is added to the predictions and subtracted from the expected data again.
-fn expected_data(target: Target<'_>, solves: &[ChannelSolve]) -> Option<Frame<Work>> {
+fn expected_data(target: Target<'_>, solves: &[ChannelSolve<'_>]) -> Option<Frame<Work>> {
     let observation = target.problem.observation;
     let mut seen: Frame<Work> = observation.light.clone();
     for solve in solves {

@@ -102,9 +102,11 @@ impl Method for Hybrid {
                 (candidate.picture, candidate.prediction) = (picture, prediction);
                 break;
             }
+            // Only a further correction needs it, and captures need memory.
+            let defect = (capture + 1 < last).then_some(defect);
             let seen = problem.capture(optics, &prediction, &picture)?;
             let longest = if self.digital.blocks.is_some() { STEP_MAX_BY_BLOCKS } else { STEP_MAX };
-            let corrected = Candidate { picture, prediction, seen, defect: Some(defect) };
+            let corrected = Candidate { picture, prediction, seen, defect };
             candidate.step_towards(&corrected, problem, longest);
         }
         Ok(run.finish(candidate))
@@ -266,7 +268,7 @@ impl<'a> Run<'a> {
         subtract_from_photo(defect);
         let target = Target { problem, data: defect, mask, axes: axes.as_ref(), norms };
         let Candidate { picture, prediction, .. } = candidate;
-        let start = Start::Picture { picture: picture.clone(), prediction: prediction.clone() };
+        let start = Start::Picture { picture, prediction };
         let (picture, steps) = correction.solve_from(target, start, watch);
         subtract_from_photo(defect);
         let prediction = problem.predict(&picture);

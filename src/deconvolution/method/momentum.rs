@@ -23,10 +23,10 @@ impl Default for Momentum {
 
 impl Momentum {
     /// Moves `point`, from which the gradient step led to `stepped`, to the next point.
-    pub fn next(&mut self, point: &mut Plane, stepped: &Plane) {
+    pub fn next(&mut self, point: &mut Plane, stepped: Plane) {
         if self.previous.size() != stepped.size() {
             // The first step has no momentum.
-            (*point, self.previous) = (stepped.clone(), stepped.clone());
+            (*point, self.previous) = (stepped.clone(), stepped);
             self.t = next_t(1.0);
             return;
         }
@@ -40,12 +40,10 @@ impl Momentum {
         let t = if restart { 1.0 } else { self.t };
         let t_next = next_t(t);
         let weight = if restart { 0.0 } else { ((t - 1.0) / t_next) as f32 };
-        let pixels = (point.data_mut(), self.previous.data_mut(), stepped.data()).into_par_iter();
-        pixels.with_min_len(STRETCH).for_each(|(y, x_old, &x)| {
-            *y = x + weight * (x - *x_old);
-            *x_old = x;
-        });
-        self.t = t_next;
+        let pixels = (point.data_mut(), self.previous.data(), stepped.data()).into_par_iter();
+        let pixels = pixels.with_min_len(STRETCH);
+        pixels.for_each(|(y, x_old, &x)| *y = x + weight * (x - x_old));
+        (self.previous, self.t) = (stepped, t_next);
     }
 }
 

@@ -121,13 +121,18 @@ impl<'a> Problem<'a> {
 
     /// argmin ‖K̂L − B‖² + `ratio` ‖L − `near`‖² in `channel` by the lens's local inverse, from the
     /// `residual` K̂ near − B; planes on the canvas, grey levels.
-    pub fn data_step(&self, channel: Channel, near: &Plane, residual: &Plane, ratio: f32) -> Plane {
+    pub fn data_step(
+        &self,
+        channel: Channel,
+        near: &Plane,
+        mut residual: Plane,
+        ratio: f32,
+    ) -> Plane {
         let (observation, model) = (self.observation, self.model);
         let inverse = model.local_inverse(channel, ratio, observation.density(channel));
-        let mut weighted = residual.clone();
-        weighted.scale(observation.weight(channel));
+        residual.scale(observation.weight(channel));
         let mut picture = Plane::zeros(near.size());
-        model.invert(&inverse, &weighted, &mut picture);
+        model.invert(&inverse, &residual, &mut picture);
         picture.update(near, |v, near| *v = near - *v);
         picture
     }

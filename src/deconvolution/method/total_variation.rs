@@ -88,7 +88,7 @@ impl TotalVariation {
             stepped.add_scaled(-step, &gradient);
             dual.shrink(&mut stepped, weight);
             stepped.data_mut().iter_mut().for_each(|v| *v = v.clamp(0.0, FULL_SCALE));
-            momentum.next(&mut point, &stepped);
+            momentum.next(&mut point, stepped.clone());
             course.step(rms, ResidualOf::Model, 0);
         }
         (stepped, course.record)

@@ -79,8 +79,9 @@ impl Method for Learned {
             let ratio = |c: Channel| observation.pixels_a_datum(c) * (noise(c) / tau(c)).powi(2);
             let mut seen = problem.predict(&picture);
             let mut planes = Channel::ALL.map(|c| {
-                let residual = seen.plane_mut(c);
-                residual_in_place(residual, observation.light.plane(c), observation.trust.plane(c));
+                let mut residual = std::mem::take(seen.plane_mut(c));
+                let (light, trust) = (observation.light.plane(c), observation.trust.plane(c));
+                residual_in_place(&mut residual, light, trust);
                 problem.data_step(c, picture.plane(c), residual, ratio(c))
             });
             let sigma = Channel::ALL.map(|c| assumed * tau(c));
