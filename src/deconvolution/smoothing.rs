@@ -44,27 +44,34 @@ fn along_both(plane: &Plane, weights: &[f32], divisor: f32) -> Plane {
     for y in 0..size.height {
         let row = plane.row(y);
         padded.iter_mut().enumerate().for_each(|(x, v)| *v = row[near(x, 0, size.width)]);
-        add_weighted(across.row_mut(y), weights, divisor, |tap| &padded[tap..][..size.width]);
+        weigh(across.row_mut(y), weights, divisor, |tap| &padded[tap..][..size.width]);
     }
     let mut both = Plane::zeros(size);
     for y in 0..size.height {
         let row_at = |tap: usize| across.row(near(y, tap, size.height));
-        add_weighted(both.row_mut(y), weights, divisor, row_at);
+        weigh(both.row_mut(y), weights, divisor, row_at);
     }
     both
 }
 
-/// Sets `out`, which holds zeros, to Σ `weights` · rows / `divisor`.
-fn add_weighted<'a>(
-    out: &mut [f32],
-    weights: &[f32],
-    divisor: f32,
-    row: impl Fn(usize) -> &'a [f32],
-) {
-    for (tap, weight) in weights.iter().enumerate() {
-        out.iter_mut().zip(row(tap)).for_each(|(sum, v)| *sum += weight * v);
+/// Pixels summed at a time: their sums stay in registers.
+const LANES: usize = 16;
+
+/// Sets `out` to Σ `weights` · rows / `divisor`.
+fn weigh<'a>(out: &mut [f32], weights: &[f32], divisor: f32, row: impl Fn(usize) -> &'a [f32]) {
+    let rows: Vec<(f32, &[f32])> = weights.iter().copied().zip((0..).map(row)).collect();
+    let (whole, rest) = out.as_chunks_mut::<LANES>();
+    for (n, out) in whole.iter_mut().enumerate() {
+        let mut sums = [0.0f32; LANES];
+        for (weight, row) in &rows {
+            let row = &row[n * LANES..][..LANES];
+            sums.iter_mut().zip(row).for_each(|(sum, v)| *sum += weight * v);
+        }
+        *out = sums.map(|sum| sum / divisor);
     }
-    out.iter_mut().for_each(|sum| *sum /= divisor);
+    for (x, out) in (whole.len() * LANES..).zip(rest) {
+        *out = rows.iter().fold(0.0, |sum, (weight, row)| sum + weight * row[x]) / divisor;
+    }
 }
 
 /// Mean of the square that reaches `reach` pixels to each side of every pixel, edges repeated.

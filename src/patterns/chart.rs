@@ -92,8 +92,8 @@ impl Shape {
                 x.abs() < half && y.abs() < half && ((across + half) / pitch).fract() < 0.5
             }
             Shape::Star { radius, spokes } => {
-                let turns = y.atan2(x) / std::f64::consts::TAU + 0.5;
-                x * x + y * y < radius * radius && (turns * spokes as f64).fract() < 0.5
+                let turns = || y.atan2(x) / std::f64::consts::TAU + 0.5;
+                x * x + y * y < radius * radius && (turns() * spokes as f64).fract() < 0.5
             }
             Shape::Zone { radius, pitch } => {
                 let squared = x * x + y * y;
@@ -138,14 +138,15 @@ impl InkMark {
             |at: f64, limit: usize| (((at + reach) * scale).ceil().max(0.0) as usize).min(limit);
         let (right, bottom) = (last(self.x, plane.width()), last(self.y, plane.height()));
         let step = 1.0 / SUBSAMPLES as f64;
+        let places = |pixel: usize, centre: f64| -> [f64; SUBSAMPLES] {
+            std::array::from_fn(|n| (pixel as f64 + step * (n as f64 + 0.5)) / scale - centre)
+        };
         for py in first(self.y)..bottom {
+            let down = places(py, self.y);
             for px in first(self.x)..right {
-                let mut covered = 0;
-                for n in 0..SUBSAMPLES * SUBSAMPLES {
-                    let x = (px as f64 + step * ((n % SUBSAMPLES) as f64 + 0.5)) / scale - self.x;
-                    let y = (py as f64 + step * ((n / SUBSAMPLES) as f64 + 0.5)) / scale - self.y;
-                    covered += usize::from(self.shape.inked(x, y));
-                }
+                let across = places(px, self.x);
+                let inked = |&y: &f64| across.iter().filter(|&&x| self.shape.inked(x, y)).count();
+                let covered: usize = down.iter().map(inked).sum();
                 let share = covered as f32 / (SUBSAMPLES * SUBSAMPLES) as f32;
                 let paper = plane.at(px, py);
                 plane.set(px, py, paper + share * (self.light - paper));

@@ -162,18 +162,25 @@ impl Tone {
         table[usize::from(code).min(table.len() - 1)]
     }
 
-    /// The code nearest to `light`, rounded in codes; light outside the range is clipped.
-    pub(super) fn code(&self, channel: usize, light: f32) -> u16 {
+    /// Gives the code nearest to a light, rounded in codes; light outside the range is clipped.
+    pub(super) fn coder(&self, channel: usize) -> impl Fn(f32) -> u16 {
         let table = &self.tables[channel];
-        // `light` lies in the step that ends at the first entry above it.
-        let above = table.partition_point(|&v| v <= light);
-        if above == 0 {
-            return 0;
+        // Numbers of entries below each grey level, between which a search is short.
+        let below = |level: usize| table.partition_point(|&v| v < level as f32);
+        let starts: Vec<usize> = (0..=FULL_SCALE as usize).map(below).collect();
+        move |light| {
+            // `light` lies in the step that ends at the first entry above it.
+            let level = (light as usize).min(starts.len() - 1);
+            let end = starts.get(level + 1).map_or(table.len(), |&end| end);
+            let above = starts[level] + table[starts[level]..end].partition_point(|&v| v <= light);
+            if above == 0 {
+                return 0;
+            }
+            let below = above - 1;
+            let Some(&top) = table.get(above) else { return (table.len() - 1) as u16 };
+            let share = (light - table[below]) / (top - table[below]);
+            (if share >= 0.5 { above } else { below }) as u16
         }
-        let below = above - 1;
-        let Some(&top) = table.get(above) else { return (table.len() - 1) as u16 };
-        let share = (light - table[below]) / (top - table[below]);
-        (if share >= 0.5 { above } else { below }) as u16
     }
 
     /// Linear light 0..255 of each code of `channel`.
@@ -189,12 +196,14 @@ impl Tone {
     /// The display values, 0..255, of a plane of linear light, rounded as a file's codes.
     pub fn display(&self, channel: Channel, light: &Plane) -> Plane {
         let scale = 255.0 / (self.tables[channel.index()].len() - 1) as f32;
-        light.map(|v| f32::from(self.code(channel.index(), v)) * scale)
+        let code = self.coder(channel.index());
+        light.map(|v| f32::from(code(v)) * scale)
     }
 
     pub(super) fn codes(&self, channel: usize, light: &Plane) -> Vec<u16> {
         let finite = |v: f32| if v.is_finite() { v } else { 0.0 };
-        light.data().iter().map(|&v| self.code(channel, finite(v))).collect()
+        let code = self.coder(channel);
+        light.data().iter().map(|&v| code(finite(v))).collect()
     }
 }
 
@@ -224,8 +233,9 @@ mod tests {
             for curve in [Curve::Srgb, Curve::Linear] {
                 let tone = Tone::of_curve(curve, bits);
                 let top = if bits == 8 { 255 } else { 65535u16 };
+                let nearest = tone.coder(1);
                 for code in 0..=top {
-                    assert_eq!(tone.code(1, tone.light(1, code)), code, "{curve:?} {bits} bits");
+                    assert_eq!(nearest(tone.light(1, code)), code, "{curve:?} {bits} bits");
                 }
             }
         }
@@ -270,7 +280,7 @@ mod tests {
     #[test]
     fn light_out_of_range_is_clipped() {
         let tone = Tone::of_curve(Curve::Srgb, 8);
-        assert_eq!((tone.code(0, -3.0), tone.code(0, 300.0)), (0, 255));
+        assert_eq!([-3.0, 300.0].map(tone.coder(0)), [0, 255]);
     }
 
     #[test]
@@ -287,7 +297,8 @@ mod tests {
             "{} {want}",
             tone.light(2, 128)
         );
-        assert!((0..=255).all(|c| tone.code(0, tone.light(0, c)).abs_diff(c) == 0));
+        let nearest = tone.coder(0);
+        assert!((0..=255).all(|code| nearest(tone.light(0, code)) == code));
         assert!(Tone::of_profile(b"nonsense", 8, false).is_err());
     }
 }

@@ -58,8 +58,17 @@ pub struct DetailMask {
     factors: Vec<Plane>,
     /// Ratio of local variance to noise variance in each block, maximum over the channels.
     activity: Plane,
-    /// Maximum ratio of the pixels' local variance to the noise variance; 0 without valid pixels.
-    peak: f32,
+}
+
+/// Whether the pixels of `planes` nowhere vary by more than noise; `raw` as in [`DetailMask::of`].
+/// Cells are ignored: without a noise estimate independent of details, some would always seem to
+/// have details.
+pub fn is_flat(planes: &[NoisyPlane<'_>], raw: bool) -> bool {
+    let is_detailed = |ratio: &f32| ratio.is_finite() && *ratio > FLAT;
+    planes.iter().all(|plane| {
+        let Activity { pixels, .. } = activity(plane, &noise_ratios(plane), raw);
+        !pixels.data().iter().any(is_detailed)
+    })
 }
 
 impl DetailMask {
@@ -80,12 +89,10 @@ impl DetailMask {
             ratios.add_scaled(1.0 / planes.len() as f32, of);
         }
         let mut largest: Plane = Plane::zeros(size);
-        let mut peak = 0.0f32;
         for Activity { pixels, cells } in &activities {
             for plane in [pixels, cells] {
                 largest.update(plane, |most, of| *most = most.max(of));
             }
-            peak = pixels.data().iter().copied().filter(|p| p.is_finite()).fold(peak, f32::max);
         }
         let activity = largest.clone();
         let mut factors = Vec::with_capacity(levels);
@@ -100,13 +107,7 @@ impl DetailMask {
             of_level.multiply(&ratios);
             factors.push(of_level);
         }
-        DetailMask { factors, activity, peak }
-    }
-
-    /// Whether pixels nowhere vary by more than noise. Cells are ignored: without a noise estimate
-    /// independent of details, some would always seem to have details.
-    pub fn is_flat(&self) -> bool {
-        self.peak <= FLAT
+        DetailMask { factors, activity }
     }
 
     /// Factors on the thresholds of `level`, 0 the finest.
@@ -410,10 +411,10 @@ mod tests {
             (photo, Plane::filled(size, TRUSTED))
         };
         let (wall, trust) = noisy(|x, y| 90.0 + 0.05 * (x + y) as f32);
-        assert!(DetailMask::of(&[plane(&wall, &trust, 1.0)], 1, false).is_flat());
+        assert!(is_flat(&[plane(&wall, &trust, 1.0)], false));
         let (disc, trust) =
             noisy(|x, y| if (x as f32 - 80.0).hypot(y as f32 - 60.0) < 20.0 { 94.0 } else { 90.0 });
         let both = [plane(&wall, &trust, 1.0), plane(&disc, &trust, 1.0)];
-        assert!(!DetailMask::of(&both, 1, false).is_flat());
+        assert!(!is_flat(&both, false));
     }
 }

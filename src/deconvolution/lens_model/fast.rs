@@ -87,13 +87,11 @@ impl<'a> Cell<'a> {
         let [upper, lower, _] = &mut work.halves;
         for column in (0..self.x.length).step_by(LANES) {
             let columns = LANES.min(self.x.length - column);
-            for (y, value) in work.data[..self.fy.length()].iter_mut().enumerate() {
-                *value = ComplexLanes::default();
-                if y < self.y.length {
-                    let row = &plane.row(self.y.start + y)[self.x.start + column..];
-                    let light = lanes(row, columns);
-                    *value = ComplexLanes { re: light * (1.0 - self.v[y]), im: light * self.v[y] };
-                }
+            let (filled, rest) = work.data[..self.fy.length()].split_at_mut(self.y.length);
+            rest.fill(ComplexLanes::default());
+            for ((y, value), &v) in (self.y.start..).zip(filled).zip(self.v) {
+                let light = lanes(&plane.row(y)[self.x.start + column..], columns);
+                *value = ComplexLanes { re: light * (1.0 - v), im: light * v };
             }
             let (found, _) = self.fy.run::<false>(&mut work.data, &mut work.scratch);
             store::<FUSED>(found, self.fy.length(), Part::Real, upper, pitch, column);

@@ -96,22 +96,28 @@ impl Pass {
     ) {
         let (groups, stride) = (self.groups, self.stride);
         let apart = groups * stride;
-        let from = &from[..RADIX * apart];
-        for (p, out) in to.chunks_exact_mut(RADIX * stride).enumerate() {
+        for (p, mut out) in to.chunks_exact_mut(RADIX * stride).enumerate() {
             let mut factors = [[1.0, 0.0]; RADIX];
             for (factor, w) in factors[1..].iter_mut().zip(&self.factors[p * (RADIX - 1)..]) {
                 *factor = if INVERSE { [w[0], -w[1]] } else { *w };
             }
+            // Slices of one length, so that the inner loop checks no bounds.
+            let mut inputs = [&from[..0]; RADIX];
+            let mut outputs = [(); RADIX].map(|()| [].as_mut_slice());
+            for (j, (input, output)) in inputs.iter_mut().zip(&mut outputs).enumerate() {
+                *input = &from[p * stride + j * apart..][..stride];
+                (*output, out) = out.split_at_mut(stride);
+            }
             for q in 0..stride {
                 let mut values = [ComplexLanes::default(); RADIX];
-                for (j, value) in values.iter_mut().enumerate() {
-                    *value = from[p * stride + q + j * apart];
+                for (value, input) in values.iter_mut().zip(&inputs) {
+                    *value = input[q];
                 }
                 butterfly::<RADIX, INVERSE, FUSED>(&mut values);
-                out[q] = values[0];
+                outputs[0][q] = values[0];
                 for j in 1..RADIX {
                     // The factors of the first group are 1.
-                    out[q + j * stride] =
+                    outputs[j][q] =
                         if p == 0 { values[j] } else { values[j].times::<FUSED>(factors[j]) };
                 }
             }

@@ -21,7 +21,7 @@ pub use raw::Raw;
 pub use sampling::{AxisStarts, DataKind, Sampling};
 
 use super::data_term::{MISSING, residual_in_place, rms_over_data};
-use super::detail_mask::{DetailMask, NoisyPlane};
+use super::detail_mask::{DetailMask, NoisyPlane, is_flat};
 use super::lens_model::Density;
 use crate::frame::{Channel, Channels, Frame, Mosaic, Plane, Rect, Size, Work};
 
@@ -143,6 +143,6 @@ impl Observation {
 
     /// Whether the photo has no details above its noise; broad shading does not matter.
     pub fn is_blank(&self) -> bool {
-        self.detail_mask(1).is_flat()
+        is_flat(&self.noisy_planes(), self.sampling.mosaic().is_some())
     }
 }
