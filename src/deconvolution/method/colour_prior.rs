@@ -99,7 +99,7 @@ impl<'a> Along<'a> {
         // A site of any channel counts alike along an axis, relative to green's.
         let weight = |c: Channel| observation.weight(Channel::Green) / observation.weight(c);
         let rms = |noise: [f32; 3]| (noise.iter().map(|v| v * v).sum::<f32>() / 3.0).sqrt();
-        // Every datum measures the component along the axis, and those of one colour what is off it.
+        // Data of all colours measure the component along the axis, those of one what is off it.
         let noise = rms(observation.noise);
         let pixel_noise = rms(Channel::ALL.map(|c| observation.pixel_noise(c) * weight(c).sqrt()));
         let passed = |l: usize| Channel::ALL.map(|c| weight(c) * norms[c.index()].at(l));

@@ -15,8 +15,9 @@ fn about(power: &Plane, x: usize, y: usize) -> f32 {
     sum
 }
 
-/// Details y·u + r after shrinkage, where y = Σ αud / Σ αu² and r = d − y·u: y shrinks by `factor` ·
-/// weight / Σ αu² over the root of its mean power, and r by κ times that over the root of its own.
+/// Details y·u + r after shrinkage, where y = Σ αud / Σ αu², r = d − y·u and t = `factor` / Σ αu²:
+/// y shrinks by its weight times t over the root of its mean power, and r by κ times its own weight
+/// times t over the root of its own.
 pub(super) fn shrunk(
     d: &[Plane; 3],
     u: &[Plane; 3],
