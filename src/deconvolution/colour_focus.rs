@@ -6,34 +6,55 @@
 //! channels, or just beyond them:
 //!
 //! ```text
-//! H′_R = H_R + s (H_G − H_R)    H′_G = H_G + min(s, 0) (H_G − H_R)    H′_B = H_B + t (H_G − H_B)
+//! H′_R = H_R + r (H_G − H_R)    H′_G = H_G + g (H_R − H_G)    H′_B = H_B + b (H_G − H_B)
 //! ```
 //!
-//! A change of focus moves red and green by the same dioptres, hence one s for both. Green, the
-//! sharpest, is not extrapolated to a sharper one, which would amplify noise.
+//! A change of focus x moves all channels by the same dioptres, and the shares r, g and b by fixed
+//! multiples of x; a scene's broad light adds constants. Green, the sharpest, is not extrapolated
+//! to a sharper one, which would amplify noise.
 //!
-//! The channels y_R = H_R x and y_G = H_G x of one scene x agree once each is blurred by the
+//! The channels y_R = H′_R z and y_G = H′_G z of one scene z agree once each is blurred by the
 //! other's function. Where a scene's red is locally a linear function of its green,
-//! H_G y_R = a H_R y_G + b with local a and b; s minimises the residual of this regression, and t
-//! that of blue on green.
+//! H′_G y_R = α H′_R y_G + β with local α and β; x minimises the residual of this regression.
 
-use super::colour_lines::{ChannelPair, ColourPlaces};
+use super::colour_lines::{ChannelPair, ColourPlaces, Moving};
 use super::lens_model::{Halo, LensFunctions, LensModel};
 use super::level_norms::LevelNorms;
 use super::observation::{DataKind, Observation};
 use super::smoothing::halve;
 use crate::frame::{Channel, Channels, Frame, Plane};
 
+/// Shares in a scene's broad light at the panel's focus. Fitted to photos of six scenes on
+/// `simulated.toml` and `truthful.toml`, whose light and filters are guesses: red 0.10 to 0.16,
+/// green 0.03 to 0.05, blue 0.08 to 0.11. In the panel's own light all are below 0.06.
+const BROAD_LIGHT: ColourFocus = ColourFocus { red: 0.12, green: 0.03, blue: 0.095 };
+/// Changes of the shares of green and blue while that of red falls by 1, as the scene comes nearer.
+/// Fitted to the same photos of scenes at −0.013 to 0.026 dioptres from the panel.
+const GREEN_PER_RED: f32 = 0.5;
+const BLUE_PER_RED: f32 = 0.55;
+
 /// Interpolation shares between the lens functions of neighbouring channels.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ColourFocus {
-    /// s: share from red's function towards green's; if negative, green moves towards red by −s.
-    pub red_green: f32,
-    /// t: share from blue's function towards green's.
+    /// r: share from red's function towards green's; negative beyond red's.
+    pub red: f32,
+    /// g: share from green's function towards red's, at least 0.
+    pub green: f32,
+    /// b: share from blue's function towards green's; negative beyond blue's.
     pub blue: f32,
 }
 
 impl ColourFocus {
+    /// Shares for a scene nearer than the panel by a change of focus `nearer` that lowers the share
+    /// of red by as much; in broad light.
+    fn at(nearer: f32) -> ColourFocus {
+        ColourFocus {
+            red: BROAD_LIGHT.red - nearer,
+            green: (BROAD_LIGHT.green + GREEN_PER_RED * nearer).max(0.0),
+            blue: BROAD_LIGHT.blue + BLUE_PER_RED * nearer,
+        }
+    }
+
     /// Estimates the shares of `photo`, taken through `model`. `None` for grey photos, for JPEGs,
     /// and if too little of the photo has details.
     ///
@@ -50,35 +71,29 @@ impl ColourFocus {
             }
             None => &photo.light,
         };
-        let [red, green, blue] = Channel::ALL;
+        let [red, green, _] = Channel::ALL;
         let through = |lens: Channel, of: Channel| {
             let mut seen = Plane::zeros(light.size());
             model.forward(lens, light.plane(of), &mut seen);
             // After two blurs nothing finer than the coarser pixels remains.
             halve(&seen)
         };
-        let places = ColourPlaces::of(photo, model.functions());
-        let green_by_green = through(green, green);
-        let share = |of: Plane, on: Plane| {
-            let change = difference(&green_by_green, &on);
-            ChannelPair { of: &of, on: &on, change: &change }.share(&places)
+        let at_panel = ColourFocus::at(0.0);
+        let crossed = |of: Channel, [own, other]: [Channel; 2], share: f32, per_focus: f32| {
+            let mut at_panel = through(own, of);
+            let mut change = through(other, of);
+            change.add_scaled(-1.0, &at_panel);
+            at_panel.add_scaled(share, &change);
+            change.scale(per_focus);
+            Moving { at_panel, change }
         };
-        let red_green = share(through(green, red), through(red, green));
-        let beyond = red_green.unwrap_or(0.0).min(0.0);
-        let mut blue_by_green = through(green, blue);
-        if beyond < 0.0 {
-            let change = difference(&blue_by_green, &through(red, blue));
-            blue_by_green.add_scaled(beyond, &change);
-        }
-        let toward_green = share(blue_by_green, through(blue, green));
-        log::debug!(
-            "focus of the colours: share of red and green {red_green:.3?}, of blue \
-             {toward_green:.3?}"
-        );
-        (red_green.is_some() || toward_green.is_some()).then(|| ColourFocus {
-            red_green: red_green.unwrap_or(0.0),
-            blue: toward_green.unwrap_or(0.0),
-        })
+        let pair = ChannelPair {
+            of: crossed(red, [green, red], at_panel.green, GREEN_PER_RED),
+            on: crossed(green, [red, green], at_panel.red, -1.0),
+        };
+        let nearer = pair.focus(&ColourPlaces::of(photo, model.functions()))?;
+        log::debug!("focus of the colours: {nearer:.3}");
+        Some(ColourFocus::at(nearer))
     }
 
     /// Lens functions of the photo, given the `measured` ones.
@@ -89,8 +104,8 @@ impl ColourFocus {
             taps.map(|(own, other)| own + share * (other - own)).collect()
         };
         let taps = [
-            moved(red, green, self.red_green),
-            moved(green, red, self.green_toward_red()),
+            moved(red, green, self.red),
+            moved(green, red, self.green),
             moved(blue, green, self.blue),
         ];
         LensFunctions { taps, ..*measured }
@@ -111,7 +126,7 @@ impl ColourFocus {
             }
             halos
         };
-        [mixed(red, green, self.red_green), green.clone(), mixed(blue, green, self.blue)]
+        [mixed(red, green, self.red), green.clone(), mixed(blue, green, self.blue)]
     }
 
     /// Bounds on ‖K‖² of [`ColourFocus::functions`], from those of the `measured` ones.
@@ -137,22 +152,8 @@ impl ColourFocus {
             between if between > 0.0 => larger(own, other),
             beyond => scaled(own, 1.0 - beyond),
         };
-        [
-            moved(red, green, self.red_green),
-            moved(green, red, self.green_toward_red()),
-            moved(blue, green, self.blue),
-        ]
+        [moved(red, green, self.red), moved(green, red, self.green), moved(blue, green, self.blue)]
     }
-
-    fn green_toward_red(self) -> f32 {
-        (-self.red_green).max(0.0)
-    }
-}
-
-fn difference(a: &Plane, b: &Plane) -> Plane {
-    let mut difference = a.clone();
-    difference.add_scaled(-1.0, b);
-    difference
 }
 
 #[cfg(test)]

@@ -1,8 +1,8 @@
 //! Regression of one channel on another along a scene's local colour lines.
 //!
 //! Where the local colours lie along a line, one channel is a linear function of the other,
-//! y = a x + b, with local a and b. A global share s of a change c minimises the residual of
-//! y = a (x + s c) + b; its error follows from the scatter over tiles.
+//! y = a x + b, with local a and b. Both change with the focus, y = y₀ + f·y₁ and x = x₀ + f·x₁;
+//! a global f minimises the residual. Its error follows from the scatter over tiles.
 
 use std::f32::consts::PI;
 
@@ -21,22 +21,23 @@ const REACH: f32 = 1.0;
 /// Maximum residual of the regression, as a share of the details' power, where channels count as
 /// lying along a line. Guess.
 const ALONG_LINE: f32 = 0.1;
-/// Minimum ratio of detail power to noise power for a pixel to be used. Guess.
-const DETAILS: f32 = 4.0;
+/// Minimum ratio of detail power to noise power for a pixel to be used: at 4, noise makes dark
+/// scenes look nearer by 0.1 (`simulated.toml`); at 160 some show too little.
+const DETAILS: f32 = 40.0;
 /// Columns and rows of tiles. Guess.
 const TILES: (usize, usize) = (16, 12);
 /// Minimum number of tiles with details for an estimate. Guess.
 const TILES_MIN: usize = 8;
 /// Gauss–Newton steps; the residual is nearly linear in a share.
 const STEPS: usize = 3;
-/// Prior σ of a share: a distance that differs by 5 %, or broad light, changes shares by 0.1 to 0.2
-/// (`simulated.toml`).
-const EXPECTED: f32 = 0.15;
-/// Error of a share due to colours that lie along no line, per ratio of the residual's RMS to the
-/// RMS of the change by a share of 1: the scatter over nine scenes of `truthful.toml`.
+/// Prior σ of the focus: a distance that differs by 5 % changes it by 0.15 to 0.2
+/// (`simulated.toml`, `truthful.toml`).
+const EXPECTED: f32 = 0.18;
+/// Error of the focus due to colours that lie along no line, per ratio of the residual's RMS to the
+/// RMS of the change by 1: the scatter over nine scenes of `truthful.toml`.
 const OFF_LINE: f32 = 0.1;
-/// Largest plausible share; beyond it the channels show different things.
-const SHARE_MAX: f32 = 0.5;
+/// Largest plausible focus; beyond it the channels show different things.
+const FOCUS_MAX: f32 = 0.8;
 
 /// Pixels of a photo that the regression can use, at half its resolution.
 pub(super) struct ColourPlaces {
@@ -92,12 +93,24 @@ impl ColourPlaces {
     }
 }
 
-/// Two channels at half resolution: `of` is locally a linear function of `on` plus the right share
-/// of `change`.
-pub(super) struct ChannelPair<'a> {
-    pub(super) of: &'a Plane,
-    pub(super) on: &'a Plane,
-    pub(super) change: &'a Plane,
+/// A channel at half resolution, which changes linearly with the focus.
+pub(super) struct Moving {
+    pub(super) at_panel: Plane,
+    pub(super) change: Plane,
+}
+
+impl Moving {
+    fn at(&self, focus: f32) -> Plane {
+        let mut plane = self.at_panel.clone();
+        plane.add_scaled(focus, &self.change);
+        plane
+    }
+}
+
+/// Two channels: at the right focus, `of` is locally a linear function of `on`.
+pub(super) struct ChannelPair {
+    pub(super) of: Moving,
+    pub(super) on: Moving,
 }
 
 /// Sums over one tile.
@@ -111,47 +124,50 @@ struct TileSums {
     residuals: f32,
 }
 
-impl ChannelPair<'_> {
-    /// Most probable share; `None` if too few tiles have details or the share is implausible.
-    pub(super) fn share(&self, places: &ColourPlaces) -> Option<f32> {
-        let (mut share, mut error) = (0.0, f32::INFINITY);
+impl ChannelPair {
+    /// Most probable focus; `None` if too few tiles have details or the focus is implausible.
+    pub(super) fn focus(&self, places: &ColourPlaces) -> Option<f32> {
+        let (mut focus, mut error) = (0.0, f32::INFINITY);
         for _ in 0..STEPS {
-            let mut tiles = self.tiles(places, share);
+            let mut tiles = self.tiles(places, focus);
             tiles.retain(|tile| tile.changes > 0.0);
             if tiles.len() < TILES_MIN {
                 return None;
             }
             let step = median_step(&mut tiles);
-            share += step;
+            focus += step;
             let changes: f32 = tiles.iter().map(|tile| tile.changes).sum();
             let residuals: f32 = tiles.iter().map(|tile| tile.residuals).sum();
             let scatter = |tile: &TileSums| (tile.products - step * tile.changes).powi(2);
             let standard = tiles.iter().map(scatter).sum::<f32>().sqrt() / changes;
             error = standard.hypot(OFF_LINE * (residuals / changes).sqrt());
         }
-        let likeliest = share / (1.0 + (error / EXPECTED).powi(2));
-        (share.abs() <= SHARE_MAX).then_some(likeliest)
+        let likeliest = focus / (1.0 + (error / EXPECTED).powi(2));
+        (focus.abs() <= FOCUS_MAX).then_some(likeliest)
     }
 
-    /// Sums of all tiles at `share`; each pixel is relative to its local power of details.
-    fn tiles(&self, places: &ColourPlaces, share: f32) -> Vec<TileSums> {
-        let mut on = self.on.clone();
-        on.add_scaled(share, self.change);
-        let local = Local::of([self.of, &on, self.change], places.reach_px);
+    /// Sums of all tiles at `focus`; each pixel is relative to its local power of details.
+    fn tiles(&self, places: &ColourPlaces, focus: f32) -> Vec<TileSums> {
+        let [of, on] = [&self.of, &self.on].map(|channel| channel.at(focus));
+        let planes = [&of, &on, &self.of.change, &self.on.change];
+        let local = Local::of(planes, places.reach_px);
         let mut tiles = vec![TileSums::default(); TILES.0 * TILES.1];
         for (x, y, tile) in places.each() {
             let n = y * on.width() + x;
-            let LineMoments { of, on, of_on, change_on } = local.moments(n);
+            let LineMoments { of, on, of_on, changes_on, change_of } = local.moments(n);
             let is_along_line =
                 of_on > 0.0 && of - of_on * of_on / on.max(f32::MIN_POSITIVE) < ALONG_LINE * of;
             if of.min(on) < DETAILS * places.noise || !is_along_line {
                 continue;
             }
-            let [of_here, on_here, change_here] = local.details(n);
+            let [of_here, on_here, changes_here @ ..] = local.details(n);
             let slope = of_on / on;
             let residual = of_here - slope * on_here;
-            // The fitted slope depends on the share, too.
-            let change = slope * (change_here - change_on / on * on_here);
+            let change = |[of, on]: [f32; 2]| slope * on - of;
+            // The fitted slope depends on the focus, too.
+            let change = change(changes_here) - change(changes_on) / on * on_here;
+            // Blur shrinks all details; the residual counts relative to them.
+            let change = change + change_of / of * residual;
             let sums = &mut tiles[tile];
             sums.products += residual * change / of;
             sums.changes += change * change / of;
@@ -161,9 +177,9 @@ impl ChannelPair<'_> {
     }
 }
 
-/// Three planes `of`, `on` and `change`, their means and mean products in windows.
+/// Two channels and their changes, with their means and mean products in windows.
 struct Local<'a> {
-    planes: [&'a Plane; 3],
+    planes: [&'a Plane; 4],
     means: Vec<Plane>,
     products: Vec<Plane>,
 }
@@ -173,12 +189,13 @@ struct LineMoments {
     of: f32,
     on: f32,
     of_on: f32,
-    change_on: f32,
+    changes_on: [f32; 2],
+    change_of: f32,
 }
 
 impl<'a> Local<'a> {
     /// Means in Gaussian windows of σ `reach_px`.
-    fn of(planes: [&'a Plane; 3], reach_px: f32) -> Local<'a> {
+    fn of(planes: [&'a Plane; 4], reach_px: f32) -> Local<'a> {
         let product = |&[a, b]: &[usize; 2]| {
             let mut product = planes[a].clone();
             product.multiply(planes[b]);
@@ -186,25 +203,27 @@ impl<'a> Local<'a> {
         };
         let (means, products) = rayon::join(
             || planes.par_iter().map(|plane| blur(plane, reach_px)).collect(),
-            || [[0, 0], [1, 1], [0, 1], [2, 1]].par_iter().map(product).collect(),
+            || [[0, 0], [1, 1], [0, 1], [2, 1], [3, 1], [2, 0]].par_iter().map(product).collect(),
         );
         Local { planes, means, products }
     }
 
     fn moments(&self, n: usize) -> LineMoments {
-        let [of, on, change] = [0, 1, 2].map(|k: usize| self.means[k].data()[n]);
+        let means = [0, 1, 2, 3].map(|k: usize| self.means[k].data()[n]);
         let product = |k: usize| self.products[k].data()[n];
+        let [of, on, of_change, on_change] = means;
         LineMoments {
             of: product(0) - of * of,
             on: product(1) - on * on,
             of_on: product(2) - of * on,
-            change_on: product(3) - change * on,
+            changes_on: [product(3) - of_change * on, product(4) - on_change * on],
+            change_of: product(5) - of_change * of,
         }
     }
 
     /// Deviations of the planes from their local means.
-    fn details(&self, n: usize) -> [f32; 3] {
-        [0, 1, 2].map(|k: usize| self.planes[k].data()[n] - self.means[k].data()[n])
+    fn details(&self, n: usize) -> [f32; 4] {
+        [0, 1, 2, 3].map(|k: usize| self.planes[k].data()[n] - self.means[k].data()[n])
     }
 }
 
