@@ -1,8 +1,9 @@
 //! Regression of one channel on another along a scene's local colour lines.
 //!
 //! Where the local colours lie along a line, one channel is a linear function of the other,
-//! y = a x + b, with local a and b. Both change with the focus, y = y₀ + f·y₁ and x = x₀ + f·x₁;
-//! a global f minimises the residual. Its error follows from the scatter over tiles.
+//! y = a x + b, with local a and b. Both change with a global
+//! parameter f of the lens functions, y = y₀ + f·y₁ and x = x₀ + f·x₁; f minimises the residual,
+//! relative to y. Its error follows from the scatter over tiles.
 
 use std::f32::consts::PI;
 
@@ -30,14 +31,11 @@ const TILES: (usize, usize) = (16, 12);
 const TILES_MIN: usize = 8;
 /// Gauss–Newton steps; the residual is nearly linear in a share.
 const STEPS: usize = 3;
-/// Prior σ of the focus: a distance that differs by 5 % changes it by 0.15 to 0.2
-/// (`simulated.toml`, `truthful.toml`).
-const EXPECTED: f32 = 0.18;
-/// Error of the focus due to colours that lie along no line, per ratio of the residual's RMS to the
-/// RMS of the change by 1: the scatter over nine scenes of `truthful.toml`.
+/// Error of a parameter due to colours that lie along no line, per ratio of the residual's RMS to
+/// the RMS of the change by 1: the scatter over nine scenes of `truthful.toml`.
 const OFF_LINE: f32 = 0.1;
-/// Largest plausible focus; beyond it the channels show different things.
-const FOCUS_MAX: f32 = 0.8;
+/// Largest plausible parameter, in prior σ; beyond it the channels show different things.
+const PRIORS_MAX: f32 = 4.5;
 
 /// Pixels of a photo that the regression can use, at half its resolution.
 pub(super) struct ColourPlaces {
@@ -93,21 +91,21 @@ impl ColourPlaces {
     }
 }
 
-/// A channel at half resolution, which changes linearly with the focus.
+/// A channel at half resolution, which changes linearly with a parameter from its prior mean.
 pub(super) struct Moving {
-    pub(super) at_panel: Plane,
+    pub(super) expected: Plane,
     pub(super) change: Plane,
 }
 
 impl Moving {
-    fn at(&self, focus: f32) -> Plane {
-        let mut plane = self.at_panel.clone();
-        plane.add_scaled(focus, &self.change);
+    fn at(&self, parameter: f32) -> Plane {
+        let mut plane = self.expected.clone();
+        plane.add_scaled(parameter, &self.change);
         plane
     }
 }
 
-/// Two channels: at the right focus, `of` is locally a linear function of `on`.
+/// Two channels: with the right parameter, `of` is locally a linear function of `on`.
 pub(super) struct ChannelPair {
     pub(super) of: Moving,
     pub(super) on: Moving,
@@ -125,30 +123,31 @@ struct TileSums {
 }
 
 impl ChannelPair {
-    /// Most probable focus; `None` if too few tiles have details or the focus is implausible.
-    pub(super) fn focus(&self, places: &ColourPlaces) -> Option<f32> {
-        let (mut focus, mut error) = (0.0, f32::INFINITY);
+    /// Most probable difference of the parameter from its prior mean, given its prior σ; `None` if
+    /// too few tiles have details or the parameter is implausible.
+    pub(super) fn fit(&self, places: &ColourPlaces, prior: f32) -> Option<f32> {
+        let (mut parameter, mut error) = (0.0, f32::INFINITY);
         for _ in 0..STEPS {
-            let mut tiles = self.tiles(places, focus);
+            let mut tiles = self.tiles(places, parameter);
             tiles.retain(|tile| tile.changes > 0.0);
             if tiles.len() < TILES_MIN {
                 return None;
             }
             let step = median_step(&mut tiles);
-            focus += step;
+            parameter += step;
             let changes: f32 = tiles.iter().map(|tile| tile.changes).sum();
             let residuals: f32 = tiles.iter().map(|tile| tile.residuals).sum();
             let scatter = |tile: &TileSums| (tile.products - step * tile.changes).powi(2);
             let standard = tiles.iter().map(scatter).sum::<f32>().sqrt() / changes;
             error = standard.hypot(OFF_LINE * (residuals / changes).sqrt());
         }
-        let likeliest = focus / (1.0 + (error / EXPECTED).powi(2));
-        (focus.abs() <= FOCUS_MAX).then_some(likeliest)
+        let likeliest = parameter / (1.0 + (error / prior).powi(2));
+        (parameter.abs() <= PRIORS_MAX * prior).then_some(likeliest)
     }
 
-    /// Sums of all tiles at `focus`; each pixel is relative to its local power of details.
-    fn tiles(&self, places: &ColourPlaces, focus: f32) -> Vec<TileSums> {
-        let [of, on] = [&self.of, &self.on].map(|channel| channel.at(focus));
+    /// Sums of all tiles at `parameter`; each pixel is relative to its local power of details.
+    fn tiles(&self, places: &ColourPlaces, parameter: f32) -> Vec<TileSums> {
+        let [of, on] = [&self.of, &self.on].map(|channel| channel.at(parameter));
         let planes = [&of, &on, &self.of.change, &self.on.change];
         let local = Local::of(planes, places.reach_px);
         let mut tiles = vec![TileSums::default(); TILES.0 * TILES.1];
@@ -164,7 +163,7 @@ impl ChannelPair {
             let slope = of_on / on;
             let residual = of_here - slope * on_here;
             let change = |[of, on]: [f32; 2]| slope * on - of;
-            // The fitted slope depends on the focus, too.
+            // The fitted slope depends on the parameter, too.
             let change = change(changes_here) - change(changes_on) / on * on_here;
             // Blur shrinks all details; the residual counts relative to them.
             let change = change + change_of / of * residual;

@@ -27,7 +27,7 @@ fn off(found: ColourFocus, taken: ColourFocus) -> f32 {
 
 #[test]
 fn the_focus_is_found_to_a_few_hundredths() {
-    for taken in FOCUSES.map(ColourFocus::at) {
+    for taken in FOCUSES.map(|nearer| ColourFocus::at(1.0, nearer)) {
         let photo = photo(&lens(&taken.functions(&measured())), 3, Channels::Colour);
         let found = found(&measured(), &photo).unwrap();
         assert!(off(found, taken) < 0.04, "{found:?} for {taken:?}");
@@ -38,7 +38,7 @@ fn the_focus_is_found_to_a_few_hundredths() {
 fn raw_sites_show_what_pixels_show() {
     // The sites of one colour are two pixels apart: a narrower lens would alias.
     let wide = gaussians([2.6, 1.8, 2.3]);
-    for taken in FOCUSES.map(ColourFocus::at) {
+    for taken in FOCUSES.map(|nearer| ColourFocus::at(1.0, nearer)) {
         let mut photo = photo(&lens(&taken.functions(&wide)), 5, Channels::Colour);
         let by_pixels = found(&wide, &photo).unwrap();
         photo.sampling = Arc::new(Raw { mosaic: Mosaic::Grbg });
@@ -64,7 +64,7 @@ fn grey_photos_and_channels_of_different_things_show_nothing() {
 
 #[test]
 fn a_stamp_in_a_corner_hardly_counts() {
-    let taken = ColourFocus::at(0.25);
+    let taken = ColourFocus::at(1.0, 0.25);
     let mut stamped = photo(&lens(&taken.functions(&measured())), 3, Channels::Colour);
     let Rect { x: left, y: top, .. } = stamped.rect;
     for plane in stamped.light.planes_mut() {
