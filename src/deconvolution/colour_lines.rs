@@ -34,6 +34,9 @@ const STEPS: usize = 3;
 /// Error of a parameter due to colours that lie along no line, per ratio of the residual's RMS to
 /// the RMS of the change by 1: the scatter over nine scenes of `truthful.toml`.
 const OFF_LINE: f32 = 0.1;
+/// Share by which errors grow if cameras have interpolated pixels through a lens one pixel wide:
+/// developed photos then look nearer by up to 0.2 (`truthful.toml`).
+const INTERPOLATED: f32 = 3.0;
 /// Largest plausible parameter, in prior σ; beyond it the channels show different things.
 const PRIORS_MAX: f32 = 4.5;
 
@@ -47,6 +50,8 @@ pub(super) struct ColourPlaces {
     reach_px: f32,
     /// Noise power of a channel after the second blur, grey levels².
     noise: f32,
+    /// Factor of errors because of interpolated pixels.
+    interpolation: f32,
 }
 
 impl ColourPlaces {
@@ -74,6 +79,10 @@ impl ColourPlaces {
             reach_px: REACH * width_px / 2.0,
             // White noise through a Gaussian of this σ keeps a power of 1/(4π σ²).
             noise: power / (4.0 * PI * width_px.powi(2)),
+            interpolation: match photo.sampling.mosaic() {
+                Some(_) => 1.0,
+                None => 1.0 + INTERPOLATED / width_px.powi(2),
+            },
         }
     }
 
@@ -139,7 +148,8 @@ impl ChannelPair {
             let residuals: f32 = tiles.iter().map(|tile| tile.residuals).sum();
             let scatter = |tile: &TileSums| (tile.products - step * tile.changes).powi(2);
             let standard = tiles.iter().map(scatter).sum::<f32>().sqrt() / changes;
-            error = standard.hypot(OFF_LINE * (residuals / changes).sqrt());
+            let off_line = OFF_LINE * (residuals / changes).sqrt();
+            error = places.interpolation * standard.hypot(off_line);
         }
         let likeliest = parameter / (1.0 + (error / prior).powi(2));
         (parameter.abs() <= PRIORS_MAX * prior).then_some(likeliest)

@@ -26,7 +26,10 @@ fn files_of_another_user_delay_no_photo() {
     let folder = folder.path();
     std::fs::set_permissions(folder, Permissions::from_mode(0o755)).unwrap();
     let program = folder.join("relens");
-    std::fs::copy(env!("CARGO_BIN_EXE_relens"), &program).unwrap();
+    // Copied by another process: a child of another test may hold a file open that this one writes,
+    // and the kernel runs no file open for writing (ETXTBSY).
+    let copied = Command::new("cp").arg(env!("CARGO_BIN_EXE_relens")).arg(&program).status();
+    assert!(copied.unwrap().success());
     let home = folder.join("home");
     std::fs::create_dir(&home).unwrap();
     if rustix::process::geteuid().is_root() {

