@@ -9,13 +9,15 @@
 //! H′_R = H_R + r (H_G − H_R)    H′_G = H_G + g (H_R − H_G)    H′_B = H_B + b (H_G − H_B)
 //! ```
 //!
-//! A change of focus x moves all channels by the same dioptres, and the shares r, g and b by fixed
-//! multiples of x; a scene's broad light adds constants. Green, the sharpest, is not extrapolated
-//! to a sharper one, which would amplify noise.
+//! Two parameters of a photo give the three shares, `ColourFocus::at`: how broad its light is, and
+//! how much nearer than the panel its scene. Green, the sharpest, is not extrapolated to a sharper
+//! one, which would amplify noise.
 //!
 //! The channels y_R = H′_R z and y_G = H′_G z of one scene z agree once each is blurred by the
 //! other's function. Where a scene's red is locally a linear function of its green,
-//! H′_G y_R = α H′_R y_G + β with local α and β; x minimises the residual of this regression.
+//! H′_G y_R = α H′_R y_G + β with local α and β. Light and distance change red against green
+//! alike, but light alone changes blue against green: the regression of blue on green gives the
+//! light, then that of red on green the distance.
 
 use super::colour_lines::{ChannelPair, ColourPlaces, Moving};
 use super::lens_model::{Halo, LensFunctions, LensModel};
@@ -33,7 +35,8 @@ const BROAD_LIGHT: ColourFocus = ColourFocus { red: 0.12, green: 0.03, blue: 0.0
 const GREEN_PER_RED: f32 = 0.5;
 const BLUE_PER_RED: f32 = 0.55;
 /// Multiples of [`BROAD_LIGHT`] found by regression of blue on green in the panel's and in broad
-/// light, whatever the distance (six scenes, `simulated.toml`; within 0.4 on `truthful.toml`).
+/// light, whatever the distance: not 0 and 1, since broad light blurs blue otherwise than
+/// interpolation does (six scenes, `simulated.toml`; within 0.4 on `truthful.toml`).
 const BLUE_ON_GREEN: [f32; 2] = [0.2, 1.75];
 /// Prior σ of the light, from the panel's to broad. Guess: most scenes are in broad light.
 const LIGHT_SIGMA: f32 = 0.5;
@@ -95,7 +98,6 @@ impl ColourFocus {
             Moving { expected, change }
         };
         let places = ColourPlaces::of(photo, model.functions());
-        // Distance moves blue and green alike; light moves them apart.
         let [in_panel_light, in_broad_light] = BLUE_ON_GREEN;
         let by_light = |of, functions, share| {
             let per_light = (in_broad_light - in_panel_light) * share;

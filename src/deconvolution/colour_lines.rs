@@ -1,9 +1,9 @@
 //! Regression of one channel on another along a scene's local colour lines.
 //!
 //! Where the local colours lie along a line, one channel is a linear function of the other,
-//! y = a x + b, with local a and b. Both change with a global
-//! parameter f of the lens functions, y = y₀ + f·y₁ and x = x₀ + f·x₁; f minimises the residual,
-//! relative to y. Its error follows from the scatter over tiles.
+//! y = a x + b, with local a and b. Both channels change with a global parameter f of the lens
+//! functions, y = y₀ + f·y₁ and x = x₀ + f·x₁; f minimises the residual relative to the details of
+//! y. Its error follows from the scatter over tiles.
 
 use std::f32::consts::PI;
 
@@ -29,7 +29,7 @@ const DETAILS: f32 = 40.0;
 const TILES: (usize, usize) = (16, 12);
 /// Minimum number of tiles with details for an estimate. Guess.
 const TILES_MIN: usize = 8;
-/// Gauss–Newton steps; the residual is nearly linear in a share.
+/// Gauss–Newton steps; the residual is nearly linear in the parameter.
 const STEPS: usize = 3;
 /// Error of a parameter due to colours that lie along no line, per ratio of the residual's RMS to
 /// the RMS of the change by 1: the scatter over nine scenes of `truthful.toml`.
@@ -50,7 +50,7 @@ pub(super) struct ColourPlaces {
     reach_px: f32,
     /// Noise power of a channel after the second blur, grey levels².
     noise: f32,
-    /// Factor of errors because of interpolated pixels.
+    /// Factor of the parameter's error because of pixels that the camera interpolated, at least 1.
     interpolation: f32,
 }
 
