@@ -9,6 +9,7 @@ mod averaged;
 mod binned;
 mod broad_light;
 mod calibration;
+mod colour_focus;
 mod computed_optics;
 mod divergence;
 mod focus;

@@ -51,9 +51,9 @@ const OWN_STEPS: u32 = 1;
 /// Maximum residual of a picture on binned pixels, in σ of the photo's noise. Above it binned
 /// pixels are too coarse for the scene: a raw photo is then solved on its own grid from the start,
 /// another one by [`OWN_STEPS_OF_COARSE`] steps from that picture. Nine photographs, raw or
-/// developed, have at most 1.24; a page and a chart of fine strokes have 1.53 to 1.89
+/// developed, have at most 1.21; a page and a chart of fine strokes have 1.47 and 1.86
 /// (`tests/tables/tried.md`).
-const BINNED_RESIDUAL_MAX: f32 = 1.5;
+const BINNED_RESIDUAL_MAX: f32 = 1.35;
 const OWN_STEPS_OF_COARSE: u32 = 4;
 
 /// The method and its parameters.
