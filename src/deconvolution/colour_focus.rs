@@ -19,12 +19,13 @@
 //! alike, but light alone changes blue against green: the regression of blue on green gives the
 //! light, then that of red on green the distance.
 
+use super::colour_axis::width_px;
 use super::colour_lines::{ChannelPair, ColourPlaces, Moving};
 use super::lens_model::{Halo, LensFunctions, LensModel};
 use super::level_norms::LevelNorms;
 use super::observation::{DataKind, Observation};
 use super::smoothing::halve;
-use crate::frame::{Channel, Channels, Frame, Plane};
+use crate::frame::{Channel, Channels, Frame, Plane, SquarePlace, Work};
 
 /// Shares in a scene's broad light at the panel's focus. Fitted to photos of six scenes on
 /// `simulated.toml` and `truthful.toml`, whose light and filters are guesses: red 0.10 to 0.16,
@@ -43,6 +44,9 @@ const LIGHT_SIGMA: f32 = 0.5;
 /// Prior σ of the change of focus: a distance that differs by 5 % changes it by 0.15 to 0.2
 /// (`simulated.toml`, `truthful.toml`).
 const FOCUS_SIGMA: f32 = 0.18;
+
+/// Width of the lens functions from which the channels are blurred on pixels binned by two.
+const WIDE_PX: f32 = 4.0;
 
 /// Interpolation shares between the lens functions of neighbouring channels.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -83,11 +87,24 @@ impl ColourFocus {
             None => &photo.light,
         };
         let [red, green, blue] = Channel::ALL;
-        let through = |lens: Channel, of: Channel| {
-            let mut seen = Plane::zeros(light.size());
-            model.forward(lens, light.plane(of), &mut seen);
-            // After two blurs nothing finer than the coarser pixels remains.
-            halve(&seen)
+        // After two blurs nothing finer than the coarser pixels remains; after one, little behind a
+        // wide lens.
+        let places = Channel::each(|_| SquarePlace::pixels());
+        let is_wide = width_px(model.functions()) >= WIDE_PX;
+        let binned = is_wide.then(|| model.binned(&places).ok()).flatten();
+        let coarse =
+            binned.as_ref().map(|model| (model, Frame::<Work>::from_fn(|c| halve(light.plane(c)))));
+        let through = |lens: Channel, of: Channel| match &coarse {
+            Some((model, light)) => {
+                let mut seen = Plane::zeros(model.canvas());
+                model.forward(lens, light.plane(of), &mut seen);
+                seen
+            }
+            None => {
+                let mut seen = Plane::zeros(light.size());
+                model.forward(lens, light.plane(of), &mut seen);
+                halve(&seen)
+            }
         };
         let crossed = |of: Channel, [own, other]: [Channel; 2], share: f32, per_unit: f32| {
             let mut expected = through(own, of);

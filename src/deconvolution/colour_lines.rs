@@ -29,8 +29,10 @@ const DETAILS: f32 = 40.0;
 const TILES: (usize, usize) = (16, 12);
 /// Minimum number of tiles with details for an estimate. Guess.
 const TILES_MIN: usize = 8;
-/// Gauss–Newton steps; the residual is nearly linear in the parameter.
+/// Maximum number of Gauss–Newton steps; the residual is nearly linear in the parameter.
 const STEPS: usize = 3;
+/// Step, in prior σ, after which another would not change a result.
+const LAST_STEP: f32 = 0.1;
 /// Error of a parameter due to colours that lie along no line, per ratio of the residual's RMS to
 /// the RMS of the change by 1: the scatter over nine scenes of `truthful.toml`.
 const OFF_LINE: f32 = 0.1;
@@ -150,6 +152,9 @@ impl ChannelPair {
             let standard = tiles.iter().map(scatter).sum::<f32>().sqrt() / changes;
             let off_line = OFF_LINE * (residuals / changes).sqrt();
             error = places.interpolation * standard.hypot(off_line);
+            if step.abs() < LAST_STEP * prior {
+                break;
+            }
         }
         let likeliest = parameter / (1.0 + (error / prior).powi(2));
         (parameter.abs() <= PRIORS_MAX * prior).then_some(likeliest)
