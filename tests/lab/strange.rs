@@ -198,7 +198,8 @@ impl Taken {
         Ok(Taken { light: taken.light, raw: taken.raw, jpeg: data.starts_with("JPEG"), tone })
     }
 
-    /// Adds a row and two pictures for each strange thing that may occur in these data.
+    /// Adds a row for each strange thing that may occur in these data, and a sheet of pictures: the
+    /// photo, the result and the weight of the photo in it, from left to right.
     fn score(
         &self,
         harness: &mut Harness,
@@ -210,6 +211,7 @@ impl Taken {
         // Nothing is ever drawn on raw sites.
         let drawn = [Strange::Stamp, Strange::Watermark, Strange::Retouched];
         let all = ALL.iter().filter(|(of, _)| self.raw.is_none() || !drawn.contains(of));
+        let mut sheet: Vec<[Plane; 3]> = Vec::new();
         for &(strange, name) in all {
             let (with, outcome) = self.restored(harness, Some(strange))?;
             let place = near(&strange.over(&with).1, UNSCORED_PX);
@@ -237,11 +239,17 @@ impl Taken {
             row.push(format!("{:.3}", outcome.outliers.as_ref().map_or(0.0, Outliers::share)));
             log::info!("{}", row.join(" | "));
             made.tables[0].1.row(row);
-            let stem = [&words[0], &words[1], &words[2], name].map(|word| word.replace(' ', "-"));
-            let stem = stem.join("-");
-            made.pictures.push((stem.clone(), harness.seen(&with)));
-            made.pictures.push((stem + "-result", harness.seen(&outcome.picture)));
+            let mut weight = Plane::zeros(place.size());
+            if let Some(outliers) = &outcome.outliers {
+                weight.add_scaled(255.0, &outliers.weight);
+            }
+            sheet.push([harness.seen(&with), harness.seen(&outcome.picture), weight]);
         }
+        let Size { width, height } = self.light.size();
+        let sheet = Plane::from_fn(Size::new(3 * width, sheet.len() * height), |x, y| {
+            sheet[y / height][x / width].at(x % width, y % height)
+        });
+        made.pictures.push((words.each_ref().map(|word| word.replace(' ', "-")).join("-"), sheet));
         Ok(())
     }
 
